@@ -1,0 +1,2 @@
+//! Files: Gmsh meshes, VTKHDF fields, checkpoints, gauges and histories. `hdf5` is a dependency of
+//! this crate alone.

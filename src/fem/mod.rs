@@ -1,0 +1,3 @@
+//! First-order tetrahedra: shape functions, quadrature, the element loop.
+
+pub mod tetrahedron;

