@@ -238,3 +238,10 @@ pub enum GaugeKind {
         at: [f64; 3],
     },
 }
+
+impl Case {
+    /// The condition on the boundary of this name.
+    pub fn boundary(&self, name: &str) -> &Boundary {
+        self.boundaries.iter().find(|b| b.0 == name).map_or(&self.default_boundary, |b| &b.1)
+    }
+}

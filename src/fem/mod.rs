@@ -1,3 +1,30 @@
-//! First-order tetrahedra: shape functions, quadrature, the element loop.
+//! First-order tetrahedra: shape functions, quadrature, boundary conditions by name.
+//!
+//! May name `mesh` and `case`; knows nothing of ranks but what `MeshPart` offers.
 
+pub mod constraints;
 pub mod tetrahedron;
+
+/// a·b
+#[inline]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// |a|
+#[inline]
+pub fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// Area times unit normal of a triangle (right-hand rule).
+#[inline]
+pub fn triangle_normal(x: [[f64; 3]; 3]) -> [f64; 3] {
+    let a: [f64; 3] = std::array::from_fn(|k| x[1][k] - x[0][k]);
+    let b: [f64; 3] = std::array::from_fn(|k| x[2][k] - x[0][k]);
+    [
+        0.5 * (a[1] * b[2] - a[2] * b[1]),
+        0.5 * (a[2] * b[0] - a[0] * b[2]),
+        0.5 * (a[0] * b[1] - a[1] * b[0]),
+    ]
+}

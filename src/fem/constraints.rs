@@ -1,0 +1,243 @@
+//! Boundary conditions by name, turned into what they fix at each node.
+//!
+//! A node's constraint is the projector `P` on its free unknowns and a value `g` for the rest:
+//! `u = P u + (I − P) g`, and a flag that its pressure is given. No-slip and given velocities have
+//! `P = 0`; slip removes the normals of the walls that meet in the node, whatever their direction;
+//! walls that differ by more than 30° there count as two.
+
+use super::{dot, norm, triangle_normal};
+use crate::case::{Boundary, Case, Formula};
+use crate::mesh::MeshPart;
+
+/// Walls whose normals differ by less than this are one smooth wall: cos 30°.
+const SMOOTH: f64 = 0.866_025_403_784_438_6;
+
+/// What a boundary does to one node.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Constraint {
+    /// Projector on the free velocities.
+    pub free: [[f64; 3]; 3],
+    /// 1 if the pressure is given, else 0 (a number: it crosses rank borders).
+    pub pressure_given: u8,
+}
+
+/// Everything free: an interior node.
+pub const FREE: Constraint = Constraint {
+    free: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    pressure_given: 0,
+};
+
+impl Constraint {
+    /// Whether anything is fixed.
+    pub fn is_free(&self) -> bool {
+        *self == FREE
+    }
+    /// P v
+    #[inline]
+    pub fn project(&self, v: [f64; 3]) -> [f64; 3] {
+        self.free.map(|row| dot(row, v))
+    }
+}
+
+/// The constraints of all local nodes, and where their values come from.
+#[derive(Clone, Debug)]
+pub struct Constraints {
+    /// Of each local node.
+    pub nodes: Vec<Constraint>,
+    /// Owned and ghost nodes with a given velocity: node, index into `velocities`.
+    moving: Vec<(u32, u32)>,
+    velocities: Vec<[Formula; 3]>,
+    /// Nodes with a given pressure: node, index into `pressures`.
+    open: Vec<(u32, u32)>,
+    pressures: Vec<Formula>,
+    /// The one owned node whose pressure is pinned to zero, if this rank owns it: a closed tank has
+    /// no other reference.
+    pub pinned: Option<u32>,
+}
+
+impl Constraints {
+    /// From the case's boundary conditions. Collective.
+    pub fn new(case: &Case, part: &MeshPart) -> Self {
+        let mesh = &part.mesh;
+        let conditions: Vec<&Boundary> =
+            mesh.boundary_names.iter().map(|name| case.boundary(name)).collect();
+        let n_owned = part.n_owned();
+
+        // One small list of wall normals (area-weighted) per slip node; what else touches the node.
+        let mut normals: Vec<Vec<[f64; 3]>> = vec![Vec::new(); n_owned];
+        let mut no_slip = vec![false; n_owned];
+        let mut moving_of = vec![u32::MAX; n_owned];
+        let mut open_of = vec![u32::MAX; n_owned];
+        let mut velocities = Vec::new();
+        let mut pressures = Vec::new();
+        let index: Vec<u32> = conditions
+            .iter()
+            .map(|c| match c {
+                Boundary::Velocity { velocity, .. } => {
+                    velocities.push(velocity.clone());
+                    velocities.len() as u32 - 1
+                }
+                Boundary::Pressure { pressure, .. } => {
+                    pressures.push(pressure.clone());
+                    pressures.len() as u32 - 1
+                }
+                _ => 0,
+            })
+            .collect();
+        for face in &mesh.boundary {
+            let normal = triangle_normal(face.nodes.map(|n| mesh.nodes[n as usize]));
+            for node in face.nodes.map(|n| n as usize).into_iter().filter(|&n| n < n_owned) {
+                match conditions[face.name as usize] {
+                    Boundary::NoSlip => no_slip[node] = true,
+                    Boundary::Slip => add_wall(&mut normals[node], normal),
+                    // The lowest index wins where two inlets meet: the same on every rank.
+                    Boundary::Velocity { .. } => {
+                        moving_of[node] = moving_of[node].min(index[face.name as usize])
+                    }
+                    Boundary::Pressure { .. } => {
+                        open_of[node] = open_of[node].min(index[face.name as usize])
+                    }
+                }
+            }
+        }
+
+        // Walls at rest win over given velocities, those over slip.
+        let mut nodes = vec![FREE; part.n_local()];
+        for i in 0..n_owned {
+            if no_slip[i] || moving_of[i] != u32::MAX {
+                nodes[i].free = [[0.0; 3]; 3];
+            } else {
+                nodes[i].free = projector(&normals[i]);
+            }
+            if no_slip[i] {
+                moving_of[i] = u32::MAX;
+            }
+            nodes[i].pressure_given = u8::from(open_of[i] != u32::MAX);
+        }
+        let anything_open = part.comm.any(open_of.iter().any(|&o| o != u32::MAX));
+        let pinned = if anything_open { None } else { highest_node(case.gravity, part) };
+        if let Some(node) = pinned {
+            nodes[node as usize].pressure_given = 1;
+        }
+        part.exchange.update_ghosts(&mut nodes);
+        moving_of.resize(part.n_local(), u32::MAX);
+        open_of.resize(part.n_local(), u32::MAX);
+        part.exchange.update_ghosts(&mut moving_of);
+        part.exchange.update_ghosts(&mut open_of);
+        let listed = |of: Vec<u32>| -> Vec<(u32, u32)> {
+            (0u32..).zip(of).filter(|&(_, b)| b != u32::MAX).collect()
+        };
+        Self {
+            nodes,
+            moving: listed(moving_of),
+            velocities,
+            open: listed(open_of),
+            pressures,
+            pinned,
+        }
+    }
+
+    /// Sets what is fixed at time `t`: velocities at walls and inlets, pressures `p` at time
+    /// `t_pressure` at open boundaries.
+    pub fn impose(
+        &self,
+        part: &MeshPart,
+        t: f64,
+        t_pressure: f64,
+        u: &mut [[f64; 3]],
+        p: &mut [f64],
+    ) {
+        for (c, v) in self.nodes.iter().zip(u.iter_mut()) {
+            if !c.is_free() {
+                *v = c.project(*v);
+            }
+        }
+        for &(node, b) in &self.moving {
+            let x = part.mesh.nodes[node as usize];
+            let formula = &self.velocities[b as usize];
+            u[node as usize] = std::array::from_fn(|k| formula[k].at(x, t));
+        }
+        if let Some(node) = self.pinned {
+            p[node as usize] = 0.0;
+        }
+        for &(node, b) in &self.open {
+            let x = part.mesh.nodes[node as usize];
+            p[node as usize] = self.pressures[b as usize].at(x, t_pressure);
+        }
+    }
+}
+
+/// Adds a face's area vector to the smooth wall it continues, or starts a new one.
+fn add_wall(walls: &mut Vec<[f64; 3]>, normal: [f64; 3]) {
+    for wall in walls.iter_mut() {
+        if dot(*wall, normal) > SMOOTH * norm(*wall) * norm(normal) {
+            *wall = std::array::from_fn(|k| wall[k] + normal[k]);
+            return;
+        }
+    }
+    walls.push(normal);
+}
+
+/// I − Σ n nᵀ over an orthonormal basis of the walls' normals.
+fn projector(walls: &[[f64; 3]]) -> [[f64; 3]; 3] {
+    let mut free = FREE.free;
+    for wall in walls {
+        // What of this normal is still free; a nearly dependent one adds nothing.
+        let rest = free.map(|row| dot(row, *wall));
+        let length = norm(rest);
+        if length > 0.1 * norm(*wall) {
+            for a in 0..3 {
+                for b in 0..3 {
+                    free[a][b] -= rest[a] * rest[b] / (length * length);
+                }
+            }
+        }
+    }
+    free
+}
+
+/// The owned node highest against gravity, if it is here: ties by lowest global id. Collective.
+fn highest_node(gravity: [f64; 3], part: &MeshPart) -> Option<u32> {
+    let depth = |i: usize| dot(gravity, part.mesh.nodes[i]);
+    let mine = (0..part.n_owned())
+        .map(|i| (depth(i), part.nodes.global[i], i as u32))
+        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let lowest = part.comm.min(mine.map_or(f64::INFINITY, |m| m.0));
+    let id = mine.filter(|m| m.0 == lowest).map_or(u64::MAX, |m| m.1);
+    let first = part.comm.all_gather(&[id]).into_iter().map(|v| v[0]).min();
+    mine.filter(|m| m.0 == lowest && Some(m.1) == first).map(|m| m.2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projector_of_a_corner_edge_and_face() {
+        let corner = projector(&[[1., 0., 0.], [0., -2., 0.], [0., 0., 3.]]);
+        assert!(corner.iter().flatten().all(|v| v.abs() < 1e-15));
+        let s = 0.5f64.sqrt();
+        let face = projector(&[[s, s, 0.0]]);
+        let c = Constraint { free: face, pressure_given: 0 };
+        let v = c.project([1.0, 0.0, 5.0]);
+        for (a, b) in v.iter().zip([0.5, -0.5, 5.0]) {
+            assert!((a - b).abs() < 1e-15);
+        }
+        // Two walls not at right angles still leave exactly their common edge free.
+        let edge = projector(&[[0., 0., 1.], [0., s, s]]);
+        let c = Constraint { free: edge, pressure_given: 0 };
+        let v = c.project([2.0, 3.0, 4.0]);
+        for (a, b) in v.iter().zip([2.0, 0.0, 0.0]) {
+            assert!((a - b).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn a_bent_wall_is_one_wall_and_a_corner_is_two() {
+        let mut walls = Vec::new();
+        add_wall(&mut walls, [0.0, 0.0, 1.0]);
+        add_wall(&mut walls, [0.2, 0.0, 1.0]);
+        add_wall(&mut walls, [1.0, 0.0, 0.0]);
+        assert_eq!(walls.len(), 2);
+    }
+}
