@@ -1,0 +1,37 @@
+//! What can be wrong with a file.
+
+use std::path::{Path, PathBuf};
+
+/// A file that cannot be read or written, and why.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Something about the file as a whole.
+    #[error("{}: {message}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, in words.
+        message: String,
+    },
+    /// Something in one line of a text file.
+    #[error("{}:{line}: {message}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong, in words.
+        message: String,
+    },
+}
+
+impl Error {
+    /// An error about a whole file.
+    pub fn file(path: &Path, message: impl std::fmt::Display) -> Self {
+        Self::File { path: path.into(), message: message.to_string() }
+    }
+    /// An error in one line (from 1) of a file.
+    pub fn line(path: &Path, line: usize, message: impl std::fmt::Display) -> Self {
+        Self::Line { path: path.into(), line, message: message.to_string() }
+    }
+}
