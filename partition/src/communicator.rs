@@ -1,66 +1,201 @@
 //! A group of ranks and the few collectives the program needs.
 
-/// What can be sent between ranks: plain data.
-pub trait Item: Copy + Default + 'static {}
-impl<T: Copy + Default + 'static> Item for T {}
+use crate::message::{Incoming, Item, Outgoing, transfer};
+use mpi::collective::SystemOperation;
+use mpi::datatype::PartitionMut;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{AsRaw, Communicator as _, CommunicatorCollectives as _, Root as _};
+
+/// The handle that C libraries (MPI-IO) take.
+pub type RawCommunicator = mpi::ffi::MPI_Comm;
 
 /// A group of ranks. Cheap to clone. `single()` needs no MPI.
+///
+/// Every method but `rank`, `size` and `raw_mpi` is collective: every rank calls it, in the same
+/// order.
 #[derive(Clone, Debug)]
-pub struct Communicator {}
+pub struct Communicator {
+    rank: usize,
+    size: usize,
+    mpi: bool,
+}
 
 impl Communicator {
     /// One rank, without MPI (unit tests).
     pub fn single() -> Self {
-        Self {}
+        Self { rank: 0, size: 1, mpi: false }
+    }
+    /// All ranks of the program; MPI must be running (`start`).
+    pub(crate) fn world() -> Self {
+        let world = SimpleCommunicator::world();
+        Self { rank: world.rank() as usize, size: world.size() as usize, mpi: true }
     }
     /// This rank, `0..size`.
     pub fn rank(&self) -> usize {
-        0
+        self.rank
     }
     /// Number of ranks.
     pub fn size(&self) -> usize {
-        1
+        self.size
+    }
+    /// The C handle, `None` without MPI.
+    pub fn raw_mpi(&self) -> Option<RawCommunicator> {
+        self.mpi.then(|| SimpleCommunicator::world().as_raw())
     }
     /// Sum over ranks, the same bits on every rank.
     pub fn sum(&self, x: f64) -> f64 {
-        x
+        let mut sum = [x];
+        self.sum_all(&mut sum);
+        sum[0]
     }
-    /// Element-wise sum over ranks, in place.
-    pub fn sum_all(&self, _x: &mut [f64]) {}
+    /// Element-wise sum over ranks, in place. The same length on all ranks.
+    pub fn sum_all(&self, x: &mut [f64]) {
+        if self.size > 1 && !x.is_empty() {
+            let mine = x.to_vec();
+            SimpleCommunicator::world().all_reduce_into(&mine[..], x, SystemOperation::sum());
+        }
+    }
     /// Sum of counts over ranks.
     pub fn sum_u64(&self, x: u64) -> u64 {
-        x
+        let mut sum = x;
+        if self.size > 1 {
+            SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+        }
+        sum
     }
     /// Largest over ranks (NaN wins: a NaN on one rank is a NaN on all).
     pub fn max(&self, x: f64) -> f64 {
-        x
+        if self.size == 1 {
+            return x;
+        }
+        let mine = if x.is_nan() { [f64::NEG_INFINITY, 1.0] } else { [x, 0.0] };
+        let mut all = [0.0; 2];
+        SimpleCommunicator::world().all_reduce_into(&mine, &mut all, SystemOperation::max());
+        if all[1] > 0.0 { f64::NAN } else { all[0] }
     }
     /// Smallest over ranks (NaN wins).
     pub fn min(&self, x: f64) -> f64 {
-        x
+        -self.max(-x)
     }
     /// True on all ranks if true on any.
     pub fn any(&self, x: bool) -> bool {
-        x
+        self.sum_u64(x as u64) > 0
     }
     /// Sum of `x` over the ranks before this one.
-    pub fn exclusive_sum(&self, _x: u64) -> u64 {
-        0
+    pub fn exclusive_sum(&self, x: u64) -> u64 {
+        let mut before = 0;
+        if self.size > 1 {
+            let world = SimpleCommunicator::world();
+            world.exclusive_scan_into(&x, &mut before, SystemOperation::sum());
+        }
+        // MPI leaves the first rank's result undefined.
+        if self.rank == 0 { 0 } else { before }
     }
-    /// Every rank's list, on every rank, in rank order.
+    /// Every rank's list, on every rank, in rank order. For short lists (together below 2 GB).
     pub fn all_gather<T: Item>(&self, mine: &[T]) -> Vec<Vec<T>> {
-        vec![mine.to_vec()]
+        if self.size == 1 {
+            return vec![mine.to_vec()];
+        }
+        let world = SimpleCommunicator::world();
+        let mut n = vec![0u64; self.size];
+        world.all_gather_into(&(mine.len() as u64), &mut n[..]);
+        let total = n.iter().sum::<u64>() as usize;
+        let mut joined = Vec::with_capacity(total);
+        let bytes: Vec<i32> = n.iter().map(|&n| (n as usize * size_of::<T>()) as i32).collect();
+        let whole = i32::try_from(total * size_of::<T>());
+        if whole.unwrap_or_else(|_| panic!("{total} items are too many to gather on all ranks")) > 0
+        {
+            let starts: Vec<i32> = bytes
+                .iter()
+                .scan(0, |end, n| {
+                    *end += n;
+                    Some(*end - n)
+                })
+                .collect();
+            let mut room = Incoming::whole(&mut joined.spare_capacity_mut()[..total]);
+            let mut parts = PartitionMut::new(&mut room, bytes, starts);
+            world.all_gather_varcount_into(&Outgoing::whole(mine), &mut parts);
+        }
+        // SAFETY: MPI has set all items from items of this type.
+        unsafe { joined.set_len(total) };
+        let mut rest = &joined[..];
+        n.iter()
+            .map(|&n| rest.split_off(..n as usize).expect("counts sum to total").to_vec())
+            .collect()
     }
     /// Sends `outgoing[r]` to rank `r`; returns what each rank sent here, in rank order.
-    pub fn exchange_lists<T: Item>(&self, outgoing: Vec<Vec<T>>) -> Vec<Vec<T>> {
-        outgoing
+    pub fn exchange_lists<T: Item>(&self, mut outgoing: Vec<Vec<T>>) -> Vec<Vec<T>> {
+        assert!(outgoing.len() == self.size, "{} lists, {} ranks", outgoing.len(), self.size);
+        if self.size == 1 {
+            return outgoing;
+        }
+        let counts: Vec<u64> = outgoing.iter().map(|list| list.len() as u64).collect();
+        let mut coming = vec![0u64; self.size];
+        SimpleCommunicator::world().all_to_all_into(&counts[..], &mut coming[..]);
+        let mine = std::mem::take(&mut outgoing[self.rank]);
+        coming[self.rank] = 0;
+
+        let mut arrived: Vec<Vec<T>> =
+            coming.iter().map(|&n| Vec::with_capacity(n as usize)).collect();
+        let mut receives = Vec::new();
+        for (from, list) in arrived.iter_mut().enumerate() {
+            let room = &mut list.spare_capacity_mut()[..coming[from] as usize];
+            receives.extend(Incoming::unset(room).map(|message| (from, message)));
+        }
+        let mut sends = Vec::new();
+        for (to, list) in outgoing.iter().enumerate() {
+            sends.extend(Outgoing::messages(list).map(|message| (to, message)));
+        }
+        transfer(&sends, &mut receives, || ());
+        for (list, n) in arrived.iter_mut().zip(coming) {
+            // SAFETY: `transfer` has set the first n items from items of this type.
+            unsafe { list.set_len(n as usize) };
+        }
+        arrived[self.rank] = mine;
+        arrived
     }
-    /// `root`'s list on every rank.
-    pub fn broadcast<T: Item>(&self, _root: usize, mine: Vec<T>) -> Vec<T> {
+    /// `root`'s list on every rank (what the others pass is dropped).
+    pub fn broadcast<T: Item>(&self, root: usize, mut mine: Vec<T>) -> Vec<T> {
+        if self.size == 1 {
+            return mine;
+        }
+        let world = SimpleCommunicator::world();
+        let sender = world.process_at_rank(root as i32);
+        let mut n = mine.len() as u64;
+        sender.broadcast_into(&mut n);
+        let n = n as usize;
+        if self.rank != root {
+            mine = Vec::with_capacity(n);
+            for mut message in Incoming::unset(&mut mine.spare_capacity_mut()[..n]) {
+                sender.broadcast_into(&mut message);
+            }
+            // SAFETY: the root has set all items from items of this type.
+            unsafe { mine.set_len(n) };
+        } else {
+            for mut message in Incoming::messages(&mut mine) {
+                sender.broadcast_into(&mut message);
+            }
+        }
         mine
     }
     /// `Ok` only if every rank is `Ok`; otherwise every rank gets the lowest failing rank's message.
     pub fn agree<T, E: std::fmt::Display>(&self, mine: Result<T, E>) -> Result<T, String> {
-        mine.map_err(|e| e.to_string())
+        let mine = mine.map_err(|e| e.to_string());
+        if self.size == 1 {
+            return mine;
+        }
+        let failed = if mine.is_err() { self.rank } else { self.size };
+        let mut lowest = failed as u64;
+        SimpleCommunicator::world().all_reduce_into(
+            &(failed as u64),
+            &mut lowest,
+            SystemOperation::min(),
+        );
+        if lowest == self.size as u64 {
+            return mine;
+        }
+        let message = mine.err().unwrap_or_default().into_bytes();
+        let message = self.broadcast(lowest as usize, message);
+        Err(String::from_utf8(message).expect("a message is text"))
     }
 }

@@ -6,7 +6,11 @@
 pub mod communicator;
 pub mod exchange;
 pub mod index_map;
+pub mod message;
+pub mod ranks;
 
-pub use communicator::{Communicator, Item};
-pub use exchange::Exchange;
+pub use communicator::{Communicator, RawCommunicator};
+pub use exchange::{Exchange, Traffic};
 pub use index_map::IndexMap;
+pub use message::{Accumulate, Item};
+pub use ranks::{Ranks, abort, start};

@@ -1,0 +1,49 @@
+//! The program's ranks: from the first line of `main` to the last.
+
+use crate::Communicator;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::Communicator as _;
+use std::backtrace::{Backtrace, BacktraceStatus};
+
+/// The running ranks; dropping it ends MPI, so it is made first in `main` and dropped last (after
+/// every open parallel file).
+pub struct Ranks {
+    _universe: mpi::environment::Universe,
+    world: Communicator,
+}
+
+impl Ranks {
+    /// All ranks of the program.
+    pub fn world(&self) -> Communicator {
+        self.world.clone()
+    }
+}
+
+/// Starts MPI: once in a program, first in `main`. Without `mpirun` the program is one rank.
+///
+/// From then on a panic on one of several ranks prints its message with the rank and ends all ranks:
+/// the others would wait for it for ever.
+pub fn start() -> Ranks {
+    let universe = mpi::initialize().expect("the ranks are started once");
+    let world = Communicator::world();
+    if world.size() > 1 {
+        let (rank, size) = (world.rank(), world.size());
+        std::panic::set_hook(Box::new(move |panic| {
+            let trace = Backtrace::capture();
+            match trace.status() {
+                BacktraceStatus::Captured => eprintln!("rank {rank} of {size} {panic}\n{trace}"),
+                _ => eprintln!("rank {rank} of {size} {panic}"),
+            }
+            abort(101);
+        }));
+    }
+    Ranks { _universe: universe, world }
+}
+
+/// Ends the program on all ranks at once, from any of them.
+pub fn abort(code: i32) -> ! {
+    if mpi::is_initialized() && !mpi::is_finalized() {
+        SimpleCommunicator::world().abort(code)
+    }
+    std::process::exit(code)
+}

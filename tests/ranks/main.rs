@@ -1,0 +1,93 @@
+//! One test body for any number of ranks: this program starts itself under `mpirun` with 1, 2, 3
+//! and 4 ranks, and each rank runs every body. `cargo test --test ranks NAME` runs those bodies whose
+//! name contains NAME.
+//!
+//! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`.
+
+mod communication;
+
+use partition::Communicator;
+use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+
+/// What every rank runs.
+type Body = fn(&Communicator);
+
+/// Every body, by name.
+const BODIES: &[(&str, Body)] = &[
+    ("collectives", communication::collectives),
+    ("lists_between_ranks", communication::lists_between_ranks),
+    ("agreement_on_errors", communication::agreement_on_errors),
+    ("halo_of_a_ring", communication::halo_of_a_ring),
+];
+
+/// A run longer than this hangs.
+const LIMIT: Duration = Duration::from_secs(300);
+
+/// Set in the processes that `mpirun` starts.
+const INSIDE: &str = "FCM_FSI_TEST_RANKS";
+
+fn main() -> ExitCode {
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let bodies: Vec<_> = (BODIES.iter())
+        .filter(|body| wanted.is_empty() || wanted.iter().any(|name| body.0.contains(name)))
+        .collect();
+    if std::env::var_os(INSIDE).is_some() {
+        let ranks = partition::start();
+        let comm = ranks.world();
+        for (name, body) in &bodies {
+            let start = Instant::now();
+            body(&comm);
+            let time = comm.max(start.elapsed().as_secs_f64());
+            if comm.rank() == 0 {
+                println!("test {name} on {} ranks ... ok ({time:.2} s)", comm.size());
+            }
+        }
+        return ExitCode::SUCCESS;
+    }
+    let mut failed = Vec::new();
+    for n in 1..=4 {
+        if let Err(reason) = run_on(n, &wanted) {
+            println!("FAILED on {n} ranks: {reason}");
+            failed.push(n);
+        }
+    }
+    if failed.is_empty() {
+        println!("ranks: {} bodies passed on 1, 2, 3 and 4 ranks", bodies.len());
+        ExitCode::SUCCESS
+    } else {
+        println!("ranks: failed on {failed:?} ranks");
+        ExitCode::FAILURE
+    }
+}
+
+/// Runs this program on `n` ranks.
+fn run_on(n: usize, wanted: &[String]) -> Result<(), String> {
+    let this = std::env::current_exe().map_err(|e| e.to_string())?;
+    let mut child = Command::new("mpirun")
+        .args(["-n", &n.to_string()])
+        .arg(this)
+        .args(wanted)
+        .env(INSIDE, "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        .stdin(Stdio::null())
+        .spawn()
+        .map_err(|e| format!("mpirun does not start: {e}"))?;
+    let start = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+            return if status.success() { Ok(()) } else { Err(format!("{status}")) };
+        }
+        if start.elapsed() > LIMIT {
+            // mpirun ends its ranks when it is asked to end.
+            let _ = Command::new("kill").arg(child.id().to_string()).status();
+            std::thread::sleep(Duration::from_secs(2));
+            let _ = child.kill();
+            return Err(format!("no end after {} s", LIMIT.as_secs()));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
