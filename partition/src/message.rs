@@ -17,6 +17,22 @@ use std::mem::{MaybeUninit, size_of_val};
 /// references, no pointers, no handles.
 pub unsafe trait Item: Copy + 'static {}
 
+/// Makes a structure of items an item: `item!(Pose { position, rotation });` names all its fields.
+#[macro_export]
+macro_rules! item {
+    ($name:ident { $($field:ident),* $(,)? }) => {
+        // SAFETY: all fields are items, as `every_field` checks.
+        unsafe impl $crate::Item for $name {}
+        const _: () = {
+            fn is_item<T: $crate::Item>(_: T) {}
+            #[allow(dead_code)]
+            fn every_field($name { $($field),* }: $name) {
+                $(is_item($field);)*
+            }
+        };
+    };
+}
+
 /// Items that can be added: what ghosts contribute to their owners.
 pub trait Accumulate: Item {
     /// `self += other`.

@@ -21,11 +21,11 @@ pub struct Constraint {
     pub pressure_given: u8,
 }
 
+crate::mesh::part::item!(Constraint { free, pressure_given });
+
 /// Everything free: an interior node.
-pub const FREE: Constraint = Constraint {
-    free: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-    pressure_given: 0,
-};
+pub const FREE: Constraint =
+    Constraint { free: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], pressure_given: 0 };
 
 impl Constraint {
     /// Whether anything is fixed.

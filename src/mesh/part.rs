@@ -3,6 +3,9 @@
 use super::Mesh;
 use partition::{Communicator, Exchange, IndexMap};
 
+/// Makes a structure of plain data fit for halo exchange; names all its fields.
+pub use partition::item;
+
 /// A rank's elements: its METIS elements first, then those touching a node it owns, then their face
 /// neighbours. Integrals run over `mesh.tets[..n_owned_elements]`, matrix rows over owned nodes
 /// (assembled from all local elements). `mesh.boundary` holds every boundary face of every local
