@@ -1,9 +1,14 @@
 //! The tetrahedral mesh: pure geometry, and this rank's piece of it.
 
 pub mod boxes;
+pub mod error;
 pub mod part;
 
+pub use error::MeshError;
 pub use part::MeshPart;
+
+/// Faces of a tetrahedron, face `i` opposite corner `i`, normals out of a positive one.
+pub const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 /// A triangle of the boundary, seen from the fluid: its normal (right-hand rule) points out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,4 +32,25 @@ pub struct Mesh {
     pub boundary: Vec<BoundaryFace>,
     /// Names of boundaries.
     pub boundary_names: Vec<String>,
+}
+
+impl Mesh {
+    /// Leaves out nodes of no element; the others keep their order.
+    pub fn drop_unused_nodes(&mut self) {
+        let mut number = vec![u32::MAX; self.nodes.len()];
+        for &i in self.tets.iter().flatten() {
+            number[i as usize] = 0;
+        }
+        let mut kept = 0;
+        for (i, n) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
+            self.nodes[kept as usize] = self.nodes[i];
+            *n = kept;
+            kept += 1;
+        }
+        self.nodes.truncate(kept as usize);
+        let faces = self.boundary.iter_mut().flat_map(|f| &mut f.nodes);
+        for i in self.tets.iter_mut().flatten().chain(faces) {
+            *i = number[*i as usize];
+        }
+    }
 }
