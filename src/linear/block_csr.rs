@@ -88,6 +88,32 @@ impl<const B: usize> BlockCsr<B> {
         (row.start + at) as u32
     }
 
+    /// `y[i] = Σ_j A_ij x_j` for the given rows; `x` over local nodes, `y` at least over rows.
+    ///
+    /// Products are summed column by column of the block, so that they fill SIMD lanes.
+    #[inline]
+    pub fn multiply_rows(&self, rows: std::ops::Range<usize>, x: &[[f64; B]], y: &mut [[f64; B]]) {
+        for i in rows {
+            let row = self.row(i);
+            let mut sum = [[0.0; B]; B];
+            for (block, &j) in self.values[row.clone()].iter().zip(&self.columns[row]) {
+                let xj = &x[j as usize];
+                for r in 0..B {
+                    for c in 0..B {
+                        sum[r][c] += block[r][c] * xj[c];
+                    }
+                }
+            }
+            y[i] = sum.map(|lanes| lanes.iter().sum());
+        }
+    }
+
+    /// Position of the diagonal entry of row i.
+    #[inline]
+    pub fn diagonal(&self, i: usize) -> usize {
+        self.slot(i as u32, i as u32) as usize
+    }
+
     /// All values zero.
     pub fn clear(&mut self) {
         self.values.fill([[0.0; B]; B]);

@@ -1,4 +1,15 @@
 //! Sparse blocks, Krylov methods, multigrid: no physics.
+//!
+//! `operator` what a method needs to know · `krylov` FGMRES and CG · `block_csr` the matrix ·
+//! `relaxation` one-level preconditioners · `distributed` the only file that meets the ranks.
 
 pub mod block_csr;
+pub mod distributed;
+pub mod krylov;
+pub mod operator;
+pub mod relaxation;
+
 pub use block_csr::BlockCsr;
+pub use distributed::{DistributedOperator, Halo, OwnedProduct};
+pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgmres};
+pub use operator::{Identity, InnerProduct, Operator, Preconditioner};

@@ -1,0 +1,158 @@
+//! Where linear algebra meets the ranks: halo, operator, inner product, gathered levels.
+//!
+//! The only file of this room that names `partition`. Everything else is written as for one rank.
+
+use super::block_csr::BlockCsr;
+use super::krylov::PIECE;
+use super::operator::{InnerProduct, Operator};
+use partition::{Communicator, Exchange, IndexMap, Item};
+use std::ops::Range;
+
+/// How the rows of one node graph meet the ranks.
+#[derive(Clone, Debug)]
+pub struct Halo {
+    comm: Communicator,
+    exchange: Exchange,
+    nodes: IndexMap,
+    /// Runs of rows without ghost columns.
+    interior: Vec<Range<u32>>,
+    /// The other rows.
+    border: Vec<Range<u32>>,
+}
+
+impl Halo {
+    /// Of matrices with this one's pattern, whose rows are the owned indices of `nodes`.
+    pub fn new<const B: usize>(
+        comm: &Communicator,
+        nodes: &IndexMap,
+        exchange: &Exchange,
+        graph: &BlockCsr<B>,
+    ) -> Self {
+        assert_eq!(graph.n_rows(), nodes.n_owned, "rows are owned nodes");
+        let (mut interior, mut border) = (Vec::<Range<u32>>::new(), Vec::<Range<u32>>::new());
+        for i in 0..nodes.n_owned as u32 {
+            let columns = &graph.columns[graph.row(i as usize)];
+            let inner = columns.iter().all(|&j| (j as usize) < nodes.n_owned);
+            let runs = if inner { &mut interior } else { &mut border };
+            match runs.last_mut() {
+                Some(run) if run.end == i => run.end += 1,
+                _ => runs.push(i..i + 1),
+            }
+        }
+        Self {
+            comm: comm.clone(),
+            exchange: exchange.clone(),
+            nodes: nodes.clone(),
+            interior,
+            border,
+        }
+    }
+
+    /// Nodes this rank owns.
+    pub fn n_owned(&self) -> usize {
+        self.nodes.n_owned
+    }
+
+    /// Owned and ghost nodes.
+    pub fn n_local(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Ghosts become their owners' values.
+    pub fn update_ghosts<T: Item>(&self, x: &mut [T]) {
+        self.exchange.update_ghosts(x);
+    }
+}
+
+/// A matrix whose rows are spread over ranks.
+#[derive(Clone, Copy, Debug)]
+pub struct DistributedOperator<'a, const B: usize> {
+    matrix: &'a BlockCsr<B>,
+    halo: &'a Halo,
+}
+
+impl<'a, const B: usize> DistributedOperator<'a, B> {
+    /// `matrix` has the pattern `halo` was made for.
+    pub fn new(matrix: &'a BlockCsr<B>, halo: &'a Halo) -> Self {
+        Self { matrix, halo }
+    }
+}
+
+impl<const B: usize> Operator for DistributedOperator<'_, B>
+where
+    [f64; B]: Item,
+{
+    fn apply(&self, x: &mut [f64], y: &mut [f64]) {
+        let (x, _) = x.as_chunks_mut::<B>();
+        let (y, _) = y.as_chunks_mut::<B>();
+        self.halo.exchange.update_ghosts_during(x, |x| {
+            for rows in &self.halo.interior {
+                self.matrix.multiply_rows(rows.start as usize..rows.end as usize, x, y);
+            }
+        });
+        for rows in &self.halo.border {
+            self.matrix.multiply_rows(rows.start as usize..rows.end as usize, x, y);
+        }
+        y[self.halo.n_owned()..].fill([0.0; B]);
+    }
+}
+
+/// `Σ w_i a_i b_i` over owned entries of all ranks.
+#[derive(Clone, Copy, Debug)]
+pub struct OwnedProduct<'a> {
+    comm: &'a Communicator,
+    n: usize,
+    weights: Option<&'a [f64]>,
+}
+
+impl<'a> OwnedProduct<'a> {
+    /// The Euclidean product of vectors with B entries per node.
+    pub fn plain<const B: usize>(halo: &'a Halo) -> Self {
+        Self { comm: &halo.comm, n: B * halo.n_owned(), weights: None }
+    }
+
+    /// With one weight for each owned entry.
+    pub fn weighted<const B: usize>(halo: &'a Halo, weights: &'a [f64]) -> Self {
+        assert!(weights.len() >= B * halo.n_owned(), "a weight for each owned entry");
+        Self { weights: Some(weights), ..Self::plain::<B>(halo) }
+    }
+}
+
+impl InnerProduct for OwnedProduct<'_> {
+    fn dots(&self, packed: &[f64], w: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        let mut scaled = [0.0; PIECE];
+        for at in (0..self.n).step_by(PIECE) {
+            let here = at..self.n.min(at + PIECE);
+            let piece = match self.weights {
+                None => &w[here.clone()],
+                Some(weights) => {
+                    let scaled = &mut scaled[..here.len()];
+                    for ((s, w), weight) in
+                        scaled.iter_mut().zip(&w[here.clone()]).zip(&weights[here.clone()])
+                    {
+                        *s = w * weight;
+                    }
+                    &*scaled
+                }
+            };
+            for (out, v) in out.iter_mut().zip(packed.chunks_exact(w.len())) {
+                *out += dot(&v[here.clone()], piece);
+            }
+        }
+        self.comm.sum_all(out);
+    }
+}
+
+/// In eight sums, which the compiler keeps in SIMD lanes.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<8>();
+    let (b, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for l in 0..8 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
