@@ -11,8 +11,8 @@ pub type RawCommunicator = mpi::ffi::MPI_Comm;
 
 /// A group of ranks. Cheap to clone. `single()` needs no MPI.
 ///
-/// Every method but `rank`, `size` and `raw_mpi` is collective: every rank calls it, in the same
-/// order.
+/// Methods are collective (every rank calls them, in the same order) but for `rank`, `size`,
+/// `raw_mpi`, `send_list` and `receive_list`.
 #[derive(Clone, Debug)]
 pub struct Communicator {
     rank: usize,
@@ -153,6 +153,25 @@ impl Communicator {
         }
         arrived[self.rank] = mine;
         arrived
+    }
+    /// Sends a list to another rank, which receives it with `receive_list`. Concerns the two alone.
+    pub fn send_list<T: Item>(&self, to: usize, list: &[T]) {
+        let n = [list.len() as u64];
+        let messages = Outgoing::messages(&n).chain(Outgoing::messages(list));
+        transfer(&messages.map(|message| (to, message)).collect::<Vec<_>>(), &mut [], || ());
+    }
+    /// The list that rank `from` sends with `send_list`.
+    pub fn receive_list<T: Item>(&self, from: usize) -> Vec<T> {
+        let mut n = [0u64];
+        let messages = Incoming::messages(&mut n).map(|message| (from, message));
+        transfer(&[], &mut messages.collect::<Vec<_>>(), || ());
+        let n = n[0] as usize;
+        let mut list = Vec::with_capacity(n);
+        let messages = Incoming::unset(&mut list.spare_capacity_mut()[..n]);
+        transfer(&[], &mut messages.map(|message| (from, message)).collect::<Vec<_>>(), || ());
+        // SAFETY: `transfer` has set all items from items of this type.
+        unsafe { list.set_len(n) };
+        list
     }
     /// `root`'s list on every rank (what the others pass is dropped).
     pub fn broadcast<T: Item>(&self, root: usize, mut mine: Vec<T>) -> Vec<T> {

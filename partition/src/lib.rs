@@ -7,10 +7,13 @@ pub mod communicator;
 pub mod exchange;
 pub mod index_map;
 pub mod message;
+pub mod metis;
 pub mod ranks;
+pub mod rendezvous;
 
 pub use communicator::{Communicator, RawCommunicator};
 pub use exchange::{Exchange, Traffic};
 pub use index_map::IndexMap;
 pub use message::{Accumulate, Item};
+pub use metis::PartitionError;
 pub use ranks::{Ranks, abort, start};

@@ -4,6 +4,7 @@ use crate::Communicator;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator as _;
 use std::backtrace::{Backtrace, BacktraceStatus};
+use std::io::Write as _;
 
 /// The running ranks; dropping it ends MPI, so it is made first in `main` and dropped last (after
 /// every open parallel file).
@@ -30,10 +31,12 @@ pub fn start() -> Ranks {
         let (rank, size) = (world.rank(), world.size());
         std::panic::set_hook(Box::new(move |panic| {
             let trace = Backtrace::capture();
-            match trace.status() {
-                BacktraceStatus::Captured => eprintln!("rank {rank} of {size} {panic}\n{trace}"),
-                _ => eprintln!("rank {rank} of {size} {panic}"),
-            }
+            // In one write: several ranks may panic at once.
+            let message = match trace.status() {
+                BacktraceStatus::Captured => format!("rank {rank} of {size} {panic}\n{trace}\n"),
+                _ => format!("rank {rank} of {size} {panic}\n"),
+            };
+            let _ = std::io::stderr().write_all(message.as_bytes());
             abort(101);
         }));
     }

@@ -202,6 +202,12 @@ pub enum MeshError {
         /// A node of the last piece [m].
         at: [f64; 3],
     },
+    /// Elements that could not be shared out among the ranks.
+    #[error("the mesh cannot be distributed: {reason}")]
+    Undistributed {
+        /// What the reader says.
+        reason: String,
+    },
     /// A point outside the mesh.
     #[error("({}, {}, {}) lies outside the mesh", at[0], at[1], at[2])]
     Outside {

@@ -1,8 +1,12 @@
 //! The tetrahedral mesh: pure geometry, and this rank's piece of it.
 
+pub mod balance;
 pub mod boxes;
 pub mod error;
+pub mod order;
 pub mod part;
+pub mod piece;
+pub mod refine;
 
 pub use error::MeshError;
 pub use part::MeshPart;

@@ -5,6 +5,7 @@
 //! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`.
 
 mod communication;
+mod parts;
 
 use partition::Communicator;
 use std::process::{Command, ExitCode, Stdio};
@@ -19,6 +20,14 @@ const BODIES: &[(&str, Body)] = &[
     ("lists_between_ranks", communication::lists_between_ranks),
     ("agreement_on_errors", communication::agreement_on_errors),
     ("halo_of_a_ring", communication::halo_of_a_ring),
+    ("everything_is_owned_once", parts::everything_is_owned_once),
+    ("halos_are_complete", parts::halos_are_complete),
+    ("owners_have_most_elements", parts::owners_have_most_elements),
+    ("halo_of_a_mesh", parts::halo_of_a_mesh),
+    ("integrals_and_rows", parts::integrals_and_rows),
+    ("shares_are_even", parts::shares_are_even),
+    ("few_elements_and_reruns", parts::few_elements_and_reruns),
+    ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 
 /// A run longer than this hangs.
