@@ -2,5 +2,8 @@
 //! this crate alone.
 
 pub mod error;
+mod shared_file;
+pub mod vtkhdf;
 
 pub use error::Error;
+pub use vtkhdf::FieldsFile;
