@@ -1,9 +1,10 @@
 //! Files: Gmsh meshes, VTKHDF fields, checkpoints, gauges and histories. `hdf5` is a dependency of
 //! this crate alone.
 
+mod blocks;
 pub mod error;
 mod shared_file;
 pub mod vtkhdf;
 
 pub use error::Error;
-pub use vtkhdf::FieldsFile;
+pub use vtkhdf::{FieldsFile, FieldsMesh};

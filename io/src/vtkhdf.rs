@@ -1,34 +1,40 @@
 //! `fields.vtkhdf`: tetrahedra and nodal fields at many times in one file that ParaView (≥ 5.13) and
 //! the `vtk` package (≥ 9.3) open.
 //!
-//! The file is a temporal `UnstructuredGrid` of the VTKHDF format 2.0 with one part per rank: its own
-//! tetrahedra and the nodes they touch (a node between ranks is written by each of them). All ranks
-//! write their part together into the one file. Coordinates are f64; fields are f32, half the size and
-//! more than a picture needs: checkpoints keep all digits.
+//! The file is a temporal `UnstructuredGrid` of the VTKHDF format 2.0. Nodes and tetrahedra stand in
+//! the order of their global ids, as one grid, each once: the file does not depend on the number of
+//! ranks, pictures have no seams, and a restart on any number of ranks goes on in the same file. (One
+//! part per rank would change the mesh within the file at such a restart: VTK 9.7 then shows wrong or
+//! empty parts when going back in time.) All ranks write together, a contiguous piece each.
+//!
+//! Coordinates are f64; fields are f32, half the size and more than a picture needs: checkpoints keep
+//! all digits.
 //!
 //! The file is closed between steps: a run that dies leaves a readable file, a viewer may open it
 //! while the run goes on, and no handle outlives MPI.
-//!
-//! A restart (`FieldsFile::resume`) drops the steps after its time and continues in the same file. On
-//! the same pieces of the mesh it uses the mesh that is there, on other pieces (another number of
-//! ranks) it adds theirs: each step names the parts it is on.
 
 use crate::Error;
+use crate::blocks::ToBlocks;
 use crate::shared_file::{Open, SharedFile};
 use hdf5::types::FixedAscii;
-use partition::Communicator;
+use partition::{Communicator, IndexMap};
 use std::path::{Path, PathBuf};
 
 const KIND: &str = "UnstructuredGrid";
 const TETRAHEDRON: u8 = 10; // VTK_TETRA
 
-/// A nodal field's name and number of components.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FieldSpec {
-    /// As the viewer shows it.
-    pub name: String,
-    /// 1 for scalars, 3 for vectors.
-    pub components: usize,
+/// What a rank knows of the mesh. Global ids of nodes and of tetrahedra count from 0 without gaps and
+/// do not depend on the number of ranks.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldsMesh<'a> {
+    /// Owned nodes first.
+    pub nodes: &'a IndexMap,
+    /// Coordinates of the nodes [m], owned ones at least.
+    pub points: &'a [[f64; 3]],
+    /// The tetrahedra that this rank owns, by local node.
+    pub tets: &'a [[u32; 4]],
+    /// Their global ids.
+    pub tet_ids: &'a [u64],
 }
 
 /// The file of one run's fields.
@@ -36,149 +42,95 @@ pub struct FieldSpec {
 pub struct FieldsFile {
     comm: Communicator,
     path: PathBuf,
-    fields: Vec<FieldSpec>,
-    /// The caller's node of each point of this rank's part.
-    nodes: Vec<u32>,
-    /// The mesh that new steps are on.
-    mesh: MeshBlock,
-    /// One field of this rank, as it is written.
-    buffer: Vec<f32>,
-}
-
-/// Where in the file a mesh begins: the parts of all ranks, one after the other.
-#[derive(Clone, Copy, Debug, Default)]
-struct MeshBlock {
-    part: u64,
-    point: u64,
-    cell: u64,
-    connectivity: u64,
-}
-
-/// This rank's part, as it is written.
-struct Part {
-    points: Vec<f64>,
-    connectivity: Vec<i64>,
+    /// Name and number of components.
+    fields: Vec<(String, usize)>,
+    nodes: ToBlocks,
 }
 
 impl FieldsFile {
-    /// A new file, in place of any that is there. `nodes` are this rank's coordinates [m]; `tets` are
-    /// the tetrahedra it owns, by index into `nodes`: nodes that none of them touches are left out.
-    /// `fields` are (name, number of components). Collective.
+    /// A new file, in place of any that is there, for `fields` of (name, number of components).
+    /// Collective.
     pub fn create(
         comm: &Communicator,
         path: &Path,
-        nodes: &[[f64; 3]],
-        tets: &[[u32; 4]],
+        mesh: FieldsMesh,
         fields: &[(&str, usize)],
     ) -> Result<Self, Error> {
-        let (mut this, part) = Self::new(comm, path, nodes, tets, fields);
+        let (this, tables) = Self::new(comm, path, mesh, fields);
         let file = SharedFile::open(comm, path, Open::Create)?;
-        this.create_tables(&file, &part)?;
-        this.append_mesh(&file, &part)?;
+        this.create_tables(&file, &tables)?;
+        tables.write(&file)?;
         file.close()?;
         Ok(this)
     }
 
     /// Continues a file: steps after the time `after` [s] are dropped, then new ones are added. If
-    /// there is no file yet, it is created. The arguments are those of `create`; the fields must be
-    /// those of the file. Collective.
+    /// there is no file yet, it is created. Mesh and fields must be those of the file. Collective.
     pub fn resume(
         comm: &Communicator,
         path: &Path,
         after: f64,
-        nodes: &[[f64; 3]],
-        tets: &[[u32; 4]],
+        mesh: FieldsMesh,
         fields: &[(&str, usize)],
     ) -> Result<Self, Error> {
         if !comm.any(path.exists()) {
-            return Self::create(comm, path, nodes, tets, fields);
+            return Self::create(comm, path, mesh, fields);
         }
-        let (mut this, part) = Self::new(comm, path, nodes, tets, fields);
+        let (this, tables) = Self::new(comm, path, mesh, fields);
         let file = SharedFile::open(comm, path, Open::Change)?;
         this.check_fields(&file)?;
+        if !tables.are_in(&file, comm)? {
+            return Err(Error::file(path, "holds another mesh: write to another directory"));
+        }
         let steps = steps_until(&file, after)?;
-        match this.keep_steps(&file, steps)? {
-            Some(mesh) if mesh.is_on(&file, comm, &part)? => this.mesh = mesh,
-            _ => this.append_mesh(&file, &part)?,
+        set_steps(&file, steps)?;
+        for (name, _) in &this.fields {
+            file.truncate(&point_data(name), steps * this.nodes.total())?;
+            file.truncate(&offsets(name), steps)?;
+        }
+        file.truncate("VTKHDF/Steps/Values", steps)?;
+        for (name, _) in STEP_TABLES {
+            file.truncate(name, steps)?;
         }
         file.close()?;
         Ok(this)
     }
 
-    /// Adds the fields (name, nodal values in the caller's numbering, components together) at the
-    /// time [s], in the order they were declared. Collective.
+    /// Adds the fields (name, values of the local nodes, components together) at the time [s], in the
+    /// order they were declared. Collective.
     pub fn append(&mut self, time: f64, fields: &[(&str, &[f64])]) -> Result<(), Error> {
         assert_eq!(fields.len(), self.fields.len(), "every declared field is given");
         let file = SharedFile::open(&self.comm, &self.path, Open::Change)?;
-        for (declared, (name, values)) in self.fields.iter().zip(fields) {
-            assert_eq!(declared.name, *name, "fields are given in the declared order");
-            let c = declared.components;
-            self.buffer.clear();
-            for &node in &self.nodes {
-                let at = node as usize * c;
-                self.buffer.extend(values[at..at + c].iter().map(|&x| x as f32));
-            }
-            let rows = file.rows(&point_data(name))?;
-            file.append(&point_data(name), &self.buffer)?;
-            file.append_row(&offsets(name), &[rows as i64])?;
+        for ((declared, components), (name, values)) in self.fields.iter().zip(fields) {
+            assert_eq!(declared, name, "fields are given in the declared order");
+            let rows = self.nodes.rows(*components, |i| values[i] as f32);
+            let before = file.rows(&point_data(name))?;
+            file.append(&point_data(name), &rows)?;
+            file.append_row(&offsets(name), &[before as i64])?;
         }
-        let mesh = self.mesh;
         file.append_row("VTKHDF/Steps/Values", &[time])?;
-        for (name, value) in [
-            ("PartOffsets", mesh.part),
-            ("NumberOfParts", self.comm.size() as u64),
-            ("PointOffsets", mesh.point),
-            ("CellOffsets", mesh.cell),
-            ("ConnectivityIdOffsets", mesh.connectivity),
-        ] {
-            file.append_row(&format!("VTKHDF/Steps/{name}"), &[value as i64])?;
+        for (name, value) in STEP_TABLES {
+            file.append_row(name, &[value])?;
         }
         // The number of steps counts, and comes last: until then a reader sees the file as it was.
         file.flush()?;
-        let steps = file.rows("VTKHDF/Steps/Values")?;
-        set_steps(&file, steps)?;
+        set_steps(&file, file.rows("VTKHDF/Steps/Values")?)?;
         file.close()
     }
 
     fn new(
         comm: &Communicator,
         path: &Path,
-        nodes: &[[f64; 3]],
-        tets: &[[u32; 4]],
+        mesh: FieldsMesh,
         fields: &[(&str, usize)],
-    ) -> (Self, Part) {
-        let mut index = vec![-1i64; nodes.len()];
-        for &node in tets.as_flattened() {
-            index[node as usize] = 0;
-        }
-        let used: Vec<u32> =
-            (0..nodes.len() as u32).filter(|&node| index[node as usize] == 0).collect();
-        for (i, &node) in used.iter().enumerate() {
-            index[node as usize] = i as i64;
-        }
-        let part = Part {
-            points: used.iter().flat_map(|&node| nodes[node as usize]).collect(),
-            connectivity: tets.as_flattened().iter().map(|&node| index[node as usize]).collect(),
-        };
-        let fields = fields
-            .iter()
-            .map(|&(name, components)| FieldSpec { name: name.into(), components })
-            .collect();
-        let this = Self {
-            comm: comm.clone(),
-            path: path.into(),
-            fields,
-            nodes: used,
-            mesh: MeshBlock::default(),
-            buffer: Vec::new(),
-        };
-        (this, part)
+    ) -> (Self, MeshTables) {
+        let nodes = ToBlocks::new(comm, &mesh.nodes.global[..mesh.nodes.n_owned]);
+        let tables = MeshTables::new(comm, mesh, &nodes);
+        let fields = fields.iter().map(|&(name, c)| (name.to_string(), c)).collect();
+        (Self { comm: comm.clone(), path: path.into(), fields, nodes }, tables)
     }
 
-    fn create_tables(&self, file: &SharedFile, part: &Part) -> Result<(), Error> {
-        let n_points = self.comm.sum_u64(part.n_points());
-        let n_cells = self.comm.sum_u64(part.n_cells());
-        let ranks = self.comm.size() as u64;
+    fn create_tables(&self, file: &SharedFile, mesh: &MeshTables) -> Result<(), Error> {
         let groups =
             ["VTKHDF", "VTKHDF/PointData", "VTKHDF/Steps", "VTKHDF/Steps/PointDataOffsets"];
         for group in groups {
@@ -193,42 +145,24 @@ impl FieldsFile {
             steps.new_attr::<i64>().create("NSteps")?.write_scalar(&0i64)
         };
         file.agree("write attributes", attributes())?;
-        for name in ["NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds"] {
-            file.create_table::<i64>(&format!("VTKHDF/{name}"), 0, ranks)?;
+        for name in COUNTS {
+            file.create_table::<i64>(name, 0, 1)?;
         }
-        file.create_table::<f64>("VTKHDF/Points", 3, n_points)?;
-        file.create_table::<i64>("VTKHDF/Connectivity", 0, 4 * n_cells)?;
-        file.create_table::<i64>("VTKHDF/Offsets", 0, n_cells + ranks)?;
-        file.create_table::<u8>("VTKHDF/Types", 0, n_cells)?;
+        file.create_table::<f64>("VTKHDF/Points", 3, mesh.n_points)?;
+        file.create_table::<i64>("VTKHDF/Connectivity", 0, 4 * mesh.n_tets)?;
+        file.create_table::<i64>("VTKHDF/Offsets", 0, mesh.n_tets + 1)?;
+        file.create_table::<u8>("VTKHDF/Types", 0, mesh.n_tets)?;
         file.create_table::<f64>("VTKHDF/Steps/Values", 0, STEPS)?;
-        for (name, columns) in STEP_TABLES {
-            file.create_table::<i64>(&format!("VTKHDF/Steps/{name}"), columns, STEPS)?;
+        for (name, _) in STEP_TABLES {
+            let columns = usize::from(name.contains("Cell") || name.contains("Connectivity"));
+            file.create_table::<i64>(name, columns, STEPS)?;
         }
-        for FieldSpec { name, components } in &self.fields {
+        for (name, components) in &self.fields {
             let columns = if *components == 1 { 0 } else { *components };
-            file.create_table::<f32>(&point_data(name), columns, n_points)?;
+            file.create_table::<f32>(&point_data(name), columns, mesh.n_points)?;
             file.create_table::<i64>(&offsets(name), 0, STEPS)?;
         }
         Ok(())
-    }
-
-    /// Adds all ranks' parts; steps from now on are on them.
-    fn append_mesh(&mut self, file: &SharedFile, part: &Part) -> Result<(), Error> {
-        self.mesh = MeshBlock {
-            part: file.rows("VTKHDF/NumberOfPoints")?,
-            point: file.rows("VTKHDF/Points")?,
-            cell: file.rows("VTKHDF/Types")?,
-            connectivity: file.rows("VTKHDF/Connectivity")?,
-        };
-        let n_cells = part.n_cells() as i64;
-        file.append("VTKHDF/NumberOfPoints", &[part.n_points() as i64])?;
-        file.append("VTKHDF/NumberOfCells", &[n_cells])?;
-        file.append("VTKHDF/NumberOfConnectivityIds", &[4 * n_cells])?;
-        file.append("VTKHDF/Points", &part.points)?;
-        file.append("VTKHDF/Connectivity", &part.connectivity)?;
-        let offsets: Vec<i64> = (0..=n_cells).map(|cell| 4 * cell).collect();
-        file.append("VTKHDF/Offsets", &offsets)?;
-        file.append("VTKHDF/Types", &vec![TETRAHEDRON; n_cells as usize])
     }
 
     /// The file must be one of this program's, with the same fields.
@@ -247,7 +181,7 @@ impl FieldsFile {
         };
         let mut found = file.agree("read the fields", found())?;
         let mut declared: Vec<String> =
-            self.fields.iter().map(|field| describe(&field.name, field.components)).collect();
+            self.fields.iter().map(|(name, components)| describe(name, *components)).collect();
         found.sort();
         declared.sort();
         if found == declared {
@@ -259,86 +193,73 @@ impl FieldsFile {
             format!("holds {found}, but this run writes {declared}: write to another directory"),
         ))
     }
-
-    /// Cuts the file after its first `steps` steps and the meshes they are on; returns the mesh of the
-    /// last of them.
-    fn keep_steps(&self, file: &SharedFile, steps: u64) -> Result<Option<MeshBlock>, Error> {
-        set_steps(file, steps)?;
-        let last = |name: &str| match steps {
-            0 => Ok(0),
-            _ => Ok(file.read::<i64>(&format!("VTKHDF/Steps/{name}"), steps - 1, 1)?[0] as u64),
-        };
-        let mesh = MeshBlock {
-            part: last("PartOffsets")?,
-            point: last("PointOffsets")?,
-            cell: last("CellOffsets")?,
-            connectivity: last("ConnectivityIdOffsets")?,
-        };
-        let parts = last("NumberOfParts")?;
-        let sum = |name: &str| -> Result<u64, Error> {
-            Ok(file.read::<i64>(name, mesh.part, parts)?.iter().sum::<i64>() as u64)
-        };
-        let points = sum("VTKHDF/NumberOfPoints")?;
-        let cells = sum("VTKHDF/NumberOfCells")?;
-        for FieldSpec { name, .. } in &self.fields {
-            let rows = last(&format!("PointDataOffsets/{name}"))? + points;
-            file.truncate(&point_data(name), rows)?;
-            file.truncate(&offsets(name), steps)?;
-        }
-        file.truncate("VTKHDF/Steps/Values", steps)?;
-        for (name, _) in STEP_TABLES {
-            file.truncate(&format!("VTKHDF/Steps/{name}"), steps)?;
-        }
-        for name in ["NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds"] {
-            file.truncate(&format!("VTKHDF/{name}"), mesh.part + parts)?;
-        }
-        file.truncate("VTKHDF/Points", mesh.point + points)?;
-        file.truncate("VTKHDF/Types", mesh.cell + cells)?;
-        file.truncate("VTKHDF/Connectivity", mesh.connectivity + 4 * cells)?;
-        file.truncate("VTKHDF/Offsets", mesh.cell + cells + mesh.part + parts)?;
-        Ok((steps > 0).then_some(mesh))
-    }
 }
 
-impl MeshBlock {
-    /// Whether the mesh in the file is, part by part, the ranks' mesh. It is the file's last one.
-    fn is_on(&self, file: &SharedFile, comm: &Communicator, part: &Part) -> Result<bool, Error> {
-        if file.rows("VTKHDF/NumberOfPoints")? - self.part != comm.size() as u64 {
+/// The rows of the mesh that this rank writes.
+struct MeshTables {
+    n_points: u64,
+    n_tets: u64,
+    first_point: u64,
+    points: Vec<f64>,
+    first_tet: u64,
+    connectivity: Vec<i64>,
+}
+
+impl MeshTables {
+    fn new(comm: &Communicator, mesh: FieldsMesh, nodes: &ToBlocks) -> Self {
+        let tets = ToBlocks::new(comm, mesh.tet_ids);
+        let corners = mesh.tets.as_flattened();
+        Self {
+            n_points: nodes.total(),
+            n_tets: tets.total(),
+            first_point: nodes.mine().start,
+            points: nodes.rows(3, |i| mesh.points.as_flattened()[i]),
+            first_tet: tets.mine().start,
+            connectivity: tets.rows(4, |i| mesh.nodes.global[corners[i] as usize] as i64),
+        }
+    }
+
+    fn write(&self, file: &SharedFile) -> Result<(), Error> {
+        for (name, count) in COUNTS.into_iter().zip([self.n_points, self.n_tets, 4 * self.n_tets]) {
+            file.append_row(name, &[count as i64])?;
+        }
+        file.append("VTKHDF/Points", &self.points)?;
+        file.append("VTKHDF/Connectivity", &self.connectivity)?;
+        let n = self.connectivity.len() / 4;
+        let ends: Vec<i64> = (1..=n as i64).map(|i| 4 * (self.first_tet as i64 + i)).collect();
+        file.append_row("VTKHDF/Offsets", &[0i64])?;
+        file.append("VTKHDF/Offsets", &ends)?;
+        file.append("VTKHDF/Types", &vec![TETRAHEDRON; n])
+    }
+
+    /// Whether the file's mesh is this one, to the last bit.
+    fn are_in(&self, file: &SharedFile, comm: &Communicator) -> Result<bool, Error> {
+        if file.rows("VTKHDF/Points")? != self.n_points || file.rows("VTKHDF/Types")? != self.n_tets
+        {
             return Ok(false);
         }
-        let my_part = self.part + comm.rank() as u64;
-        let points = file.read::<i64>("VTKHDF/NumberOfPoints", my_part, 1)?[0] as u64;
-        let cells = file.read::<i64>("VTKHDF/NumberOfCells", my_part, 1)?[0] as u64;
-        if comm.any(points != part.n_points() || cells != part.n_cells()) {
-            return Ok(false);
-        }
-        let first_point = self.point + comm.exclusive_sum(points);
-        let first_id = self.connectivity + comm.exclusive_sum(4 * cells);
-        let same = file.read::<f64>("VTKHDF/Points", first_point, points)? == part.points
-            && file.read::<i64>("VTKHDF/Connectivity", first_id, 4 * cells)? == part.connectivity;
-        Ok(!comm.any(!same))
+        let n = self.points.len() as u64 / 3;
+        let points: Vec<f64> = file.read("VTKHDF/Points", self.first_point, n)?;
+        let n = self.connectivity.len() as u64;
+        let connectivity: Vec<i64> = file.read("VTKHDF/Connectivity", 4 * self.first_tet, n)?;
+        Ok(!comm.any(points != self.points || connectivity != self.connectivity))
     }
 }
 
-impl Part {
-    fn n_points(&self) -> u64 {
-        self.points.len() as u64 / 3
-    }
-    fn n_cells(&self) -> u64 {
-        self.connectivity.len() as u64 / 4
-    }
-}
+/// Sizes of the one part.
+const COUNTS: [&str; 3] =
+    ["VTKHDF/NumberOfPoints", "VTKHDF/NumberOfCells", "VTKHDF/NumberOfConnectivityIds"];
 
 /// Rows per chunk of the tables with a row per step.
 const STEPS: u64 = 1024;
 
-/// Tables of `Steps` and their columns (0: one-dimensional), as the format wants them.
-const STEP_TABLES: [(&str, usize); 5] = [
-    ("PartOffsets", 0),
-    ("NumberOfParts", 0),
-    ("PointOffsets", 0),
-    ("CellOffsets", 1),
-    ("ConnectivityIdOffsets", 1),
+/// Where each step finds its mesh: always the same one.
+const STEP_TABLES: [(&str, i64); 5] = [
+    ("VTKHDF/Steps/PartOffsets", 0),
+    ("VTKHDF/Steps/NumberOfParts", 1),
+    ("VTKHDF/Steps/PointOffsets", 0),
+    ("VTKHDF/Steps/CellOffsets", 0),
+    ("VTKHDF/Steps/ConnectivityIdOffsets", 0),
 ];
 
 fn point_data(name: &str) -> String {
@@ -350,15 +271,14 @@ fn offsets(name: &str) -> String {
 }
 
 fn set_steps(file: &SharedFile, steps: u64) -> Result<(), Error> {
-    let written =
-        (|| file.root().group("VTKHDF/Steps")?.attr("NSteps")?.write_scalar(&(steps as i64)))();
-    file.agree("write NSteps", written)
+    let attribute = || file.root().group("VTKHDF/Steps")?.attr("NSteps");
+    file.agree("write NSteps", attribute().and_then(|a| a.write_scalar(&(steps as i64))))
 }
 
 /// Number of leading steps up to and including the time.
 fn steps_until(file: &SharedFile, time: f64) -> Result<u64, Error> {
-    let steps = (|| file.root().group("VTKHDF/Steps")?.attr("NSteps")?.read_scalar::<i64>())();
-    let steps = file.agree("read NSteps", steps)?;
-    let times = file.read::<f64>("VTKHDF/Steps/Values", 0, steps as u64)?;
+    let attribute = || file.root().group("VTKHDF/Steps")?.attr("NSteps");
+    let steps = file.agree("read NSteps", attribute().and_then(|a| a.read_scalar::<i64>()))?;
+    let times: Vec<f64> = file.read("VTKHDF/Steps/Values", 0, steps as u64)?;
     Ok(times.iter().take_while(|&&t| t <= time).count() as u64)
 }

@@ -1,8 +1,8 @@
 """Reads a file that tests/ranks.rs wrote with VTK's own reader and checks all that is in it.
 
-    read_fields.py FILE CELLS TIMES POINTS
+    read_fields.py FILE POINTS CELLS TIMES
 
-TIMES and POINTS are comma-separated, one entry a step. The mesh is the unit cube, the fields are
+TIMES is comma-separated. The mesh is the unit cube, the fields are
 phase = x + 2 y + 3 z + t and velocity = (x, y z, t), of which f32 keeps seven digits.
 """
 
@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -28,9 +28,8 @@ def volume(grid):
 
 
 def main():
-    path, cells = sys.argv[1], int(sys.argv[2])
-    times = [float(t) for t in sys.argv[3].split(",")]
-    points = [int(n) for n in sys.argv[4].split(",")]
+    path, points, cells = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    times = [float(t) for t in sys.argv[4].split(",")]
     reader = vtkHDFReader()
     if not reader.CanReadFile(path):
         sys.exit(f"{path}: VTK cannot read it")
@@ -43,10 +42,11 @@ def main():
         reader.SetStep(step)
         reader.Update()
         grid = reader.GetOutputDataObject(0)
-        assert isinstance(grid, vtkUnstructuredGrid), grid.GetClassName()
+        if not isinstance(grid, vtkUnstructuredGrid):
+            sys.exit(f"{path}: a {grid.GetClassName()}, not a vtkUnstructuredGrid")
         check("time", reader.GetTimeValue(), t)
         check("cells", grid.GetNumberOfCells(), cells)
-        check("points", grid.GetNumberOfPoints(), points[step])
+        check("points", grid.GetNumberOfPoints(), points)
         check("volume", volume(grid), 1.0, 1e-12)
         x, y, z = vtk_to_numpy(grid.GetPoints().GetData()).T
         phase = vtk_to_numpy(grid.GetPointData().GetArray("phase"))
