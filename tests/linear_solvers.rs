@@ -182,3 +182,114 @@ fn a_solve_that_fails_says_how() {
     let [stuck, _] = solve(&a, &b, &settings);
     assert_eq!(stuck.unwrap_err().reason, Reason::NotFinite);
 }
+
+/// Iterations of CG with multigrid to 1e-3 and 1e-6 on n × n × n/2 cells.
+fn diffusion_counts(n: usize, jump: f64, fixed: fn([f64; 3]) -> bool, pinned: bool) -> [u32; 2] {
+    let part = MeshPart::single(cells([n, n, n / 2], 1.0, 0.2));
+    let half = 0.25 * n as f64 + 0.4;
+    let fixed = |x: [f64; 3]| if pinned { x == [0.0; 3] } else { fixed(x) };
+    let L = scalar(&part, 0.0, |x| if x[2] < half { 1.0 } else { jump }, [0.0; 3], fixed);
+    let halo = halo(&part, &L);
+    let mut multigrid = Multigrid::new(&halo);
+    multigrid.setup(&L);
+    // An image of A, so that the closed problem is compatible.
+    let mut b = vec![0.0; part.n_local()];
+    let A = DistributedOperator::new(&L, &halo);
+    A.apply(&mut right_hand_side(part.n_local()), &mut b);
+    let mut work = Workspace::default();
+    [1e-3, 1e-6].map(|relative| {
+        let settings = KrylovSettings { relative, ..KrylovSettings::default() };
+        let mut x = vec![0.0; b.len()];
+        let product = OwnedProduct::plain::<1>(&halo);
+        let done = cg(&A, &mut multigrid, &product, &b, &mut x, &settings, &mut work).unwrap();
+        assert!(done.residual <= relative * done.initial);
+        done.iterations
+    })
+}
+
+#[test]
+fn multigrid_counts_do_not_depend_on_mesh_or_coefficients() {
+    let side = |x: [f64; 3]| x[0] < 0.1;
+    for (jump, pinned) in [(1.0, false), (1e3, false), (1e-3, true), (1e3, true)] {
+        let counts = [10, 20, 36].map(|n| diffusion_counts(n, jump, side, pinned));
+        println!("jump {jump}, pinned {pinned}: {counts:?}");
+        for count in counts {
+            assert!(count[0] <= 9 && count[1] <= 17, "{counts:?}");
+        }
+    }
+}
+
+#[test]
+fn multigrid_takes_rows_that_are_all_prescribed_and_lone_nodes() {
+    let part = MeshPart::single(cells([6, 4, 4], 1.0, 0.2));
+    let b = right_hand_side(part.n_local());
+    // Nothing free; one free node; free nodes in two pieces apart.
+    let cases: [fn([f64; 3]) -> bool; 3] = [
+        |_| true,
+        |x| (x[0] - 2.0).abs() + (x[1] - 2.0).abs() + (x[2] - 2.0).abs() > 0.7,
+        |x| (x[0] - 3.0).abs() < 0.5,
+    ];
+    for fixed in cases {
+        let L = scalar(&part, 0.0, |_| 1.0, [0.0; 3], fixed);
+        let halo = halo(&part, &L);
+        let mut multigrid = Multigrid::new(&halo);
+        multigrid.setup(&L);
+        let A = DistributedOperator::new(&L, &halo);
+        let product = OwnedProduct::plain::<1>(&halo);
+        let mut x = vec![0.0; b.len()];
+        let settings = KrylovSettings { relative: 1e-10, ..KrylovSettings::default() };
+        let work = &mut Workspace::default();
+        let done = cg(&A, &mut multigrid, &product, &b, &mut x, &settings, work).unwrap();
+        assert!(done.iterations <= 25, "{done:?}");
+        assert!(difference(&x, &direct(&L, &b)) < 1e-8);
+    }
+}
+
+fn solve_flow(problem: &Oseen, part: &MeshPart, relative: f64) -> (Converged, Vec<f64>) {
+    let (system, L) = problem.assemble(part);
+    let halo = halo(part, &system);
+    let b = problem.right_hand_side(part);
+    let mut weights = Vec::new();
+    residual_weights(&system, &L, &mut weights);
+    let product = OwnedProduct::weighted::<4>(&halo, &weights);
+    let mut schur = SchurPreconditioner::new(&halo);
+    schur.setup(&system, &L);
+    let settings = KrylovSettings { relative, ..KrylovSettings::default() };
+    let mut x = vec![0.0; b.len()];
+    let A = DistributedOperator::new(&system, &halo);
+    let work = &mut Workspace::default();
+    let done = fgmres(&A, &mut schur, &product, &b, &mut x, &settings, work).unwrap();
+    (done, x)
+}
+
+#[test]
+fn schur_solves_the_flow_system_a_direct_method_solves() {
+    for open in [true, false] {
+        let problem = Oseen::tank(6, 1.0, open);
+        let part = MeshPart::single(cells([6, 6, 3], 1.0 / 6.0, 0.2));
+        let (system, _) = problem.assemble(&part);
+        let expected = direct(&system, &problem.right_hand_side(&part));
+        let (done, x) = solve_flow(&problem, &part, 1e-12);
+        for a in 0..4 {
+            let pick = |x: &[f64]| x.iter().skip(a).step_by(4).copied().collect::<Vec<_>>();
+            assert!(difference(&pick(&x), &pick(&expected)) < 1e-8, "{done:?}");
+        }
+    }
+}
+
+#[test]
+fn schur_counts_do_not_depend_on_mesh_or_closure() {
+    for (courant, limit) in [(1.0, [9, 18]), (10.0, [31, 80])] {
+        for open in [true, false] {
+            let counts = [8, 14, 24].map(|n| {
+                let part = MeshPart::single(cells([n, n, n / 2], 1.0 / n as f64, 0.2));
+                let problem = Oseen::tank(n, courant, open);
+                [1e-3, 1e-6].map(|relative| solve_flow(&problem, &part, relative).0.iterations)
+            });
+            println!("CFL {courant}, open {open}: {counts:?}");
+            for count in counts {
+                assert!(count[0] <= limit[0] && count[1] <= limit[1], "{counts:?}");
+            }
+        }
+    }
+}

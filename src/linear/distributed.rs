@@ -8,6 +8,9 @@ use super::operator::{InnerProduct, Operator};
 use partition::{Communicator, Exchange, IndexMap, Item};
 use std::ops::Range;
 
+/// Index of a node that is in no aggregate.
+pub const NONE: u32 = u32::MAX;
+
 /// How the rows of one node graph meet the ranks.
 #[derive(Clone, Debug)]
 pub struct Halo {
@@ -58,9 +61,97 @@ impl Halo {
         self.nodes.len()
     }
 
+    /// All rows on one rank, or the same on each.
+    pub fn single(n: usize) -> Self {
+        let (comm, nodes) = (Communicator::single(), IndexMap::single(n));
+        let exchange = Exchange::new(&comm, &nodes);
+        let all = 0..n as u32;
+        Self { comm, exchange, nodes, interior: Vec::from([all]), border: Vec::new() }
+    }
+
     /// Ghosts become their owners' values.
     pub fn update_ghosts<T: Item>(&self, x: &mut [T]) {
         self.exchange.update_ghosts(x);
+    }
+
+    /// Sum over ranks of each entry.
+    pub fn sum_all(&self, x: &mut [f64]) {
+        self.comm.sum_all(x);
+    }
+
+    /// Sum of counts over ranks.
+    pub fn sum_u64(&self, x: u64) -> u64 {
+        self.comm.sum_u64(x)
+    }
+
+    /// Products of f32 vectors over owned entries of all ranks, summed in f64: one reduction.
+    pub fn dots<const N: usize>(&self, pairs: [(&Vec<f32>, &Vec<f32>); N]) -> [f64; N] {
+        let n = self.n_owned();
+        let mut sums = pairs.map(|(a, b)| dot_f32(&a[..n], &b[..n]));
+        self.comm.sum_all(&mut sums);
+        sums
+    }
+
+    /// Global numbers of this rank's aggregates: the first, and that of each local node's aggregate.
+    pub fn name_aggregates(&self, aggregates: &[u32], count: usize) -> (u32, Vec<u32>) {
+        let first = self.comm.exclusive_sum(count as u64) as u32;
+        let mut name = vec![NONE; self.n_local()];
+        for (name, &aggregate) in name.iter_mut().zip(aggregates) {
+            if aggregate != NONE {
+                *name = first + aggregate;
+            }
+        }
+        self.update_ghosts(&mut name);
+        (first, name)
+    }
+
+    /// The next level's nodes, owned aggregates first, and the local index there of each local
+    /// node's aggregate.
+    pub fn coarse_nodes(&self, aggregates: &[u32], count: usize) -> (IndexMap, Vec<u32>) {
+        let (first, mut index) = self.name_aggregates(aggregates, count);
+        let (owned, ghosts) = index.split_at_mut(self.n_owned());
+        owned.copy_from_slice(aggregates);
+        let mut seen: Vec<(u32, u32)> = (self.nodes.ghost_owner.iter().copied())
+            .zip(ghosts.iter().copied())
+            .filter(|ghost| ghost.1 != NONE)
+            .collect();
+        seen.sort_unstable();
+        seen.dedup();
+        for (name, &owner) in ghosts.iter_mut().zip(&self.nodes.ghost_owner) {
+            if *name != NONE {
+                let at = seen.binary_search(&(owner, *name)).expect("listed above");
+                *name = (count + at) as u32;
+            }
+        }
+        let owned = (0..count as u64).map(|i| u64::from(first) + i);
+        let nodes = IndexMap {
+            global: owned.chain(seen.iter().map(|ghost| u64::from(ghost.1))).collect(),
+            n_owned: count,
+            ghost_owner: seen.iter().map(|ghost| ghost.0).collect(),
+        };
+        (nodes, index)
+    }
+
+    /// The halo of the next level.
+    pub fn coarse(&self, nodes: &IndexMap, graph: &BlockCsr<1>) -> Self {
+        Self::new(&self.comm, nodes, &Exchange::new(&self.comm, nodes), graph)
+    }
+
+    /// All ranks' rows, in rank order, on every rank.
+    pub fn gather(&self, rows: BlockCsr<1>) -> BlockCsr<1> {
+        if self.comm.size() == 1 {
+            return rows;
+        }
+        let lengths: Vec<u32> = rows.row_start.windows(2).map(|ends| ends[1] - ends[0]).collect();
+        let mut row_start = vec![0];
+        for length in self.comm.all_gather(&lengths).concat() {
+            row_start.push(row_start[row_start.len() - 1] + length);
+        }
+        BlockCsr {
+            row_start,
+            columns: self.comm.all_gather(&rows.columns).concat(),
+            values: self.comm.all_gather(&rows.values).concat(),
+        }
     }
 }
 
@@ -78,10 +169,7 @@ impl<'a, const B: usize> DistributedOperator<'a, B> {
     }
 }
 
-impl<const B: usize> Operator for DistributedOperator<'_, B>
-where
-    [f64; B]: Item,
-{
+impl<const B: usize> Operator for DistributedOperator<'_, B> {
     fn apply(&self, x: &mut [f64], y: &mut [f64]) {
         let (x, _) = x.as_chunks_mut::<B>();
         let (y, _) = y.as_chunks_mut::<B>();
@@ -155,4 +243,17 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
+
+fn dot_f32(a: &[f32], b: &[f32]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<8>();
+    let (b, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for l in 0..8 {
+            sums[l] += f64::from(a[l]) * f64::from(b[l]);
+        }
+    }
+    let rest = a_rest.iter().zip(b_rest).map(|(a, b)| f64::from(*a) * f64::from(*b));
+    sums.iter().sum::<f64>() + rest.sum::<f64>()
 }

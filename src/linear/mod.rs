@@ -1,15 +1,20 @@
 //! Sparse blocks, Krylov methods, multigrid: no physics.
 //!
 //! `operator` what a method needs to know · `krylov` FGMRES and CG · `block_csr` the matrix ·
-//! `relaxation` one-level preconditioners · `distributed` the only file that meets the ranks.
+//! `relaxation` one-level preconditioners · `multigrid` for scalar diffusion ·
+//! `schur` for the coupled flow system · `distributed` the only file that meets the ranks.
 
 pub mod block_csr;
 pub mod distributed;
 pub mod krylov;
+pub mod multigrid;
 pub mod operator;
 pub mod relaxation;
+pub mod schur;
 
 pub use block_csr::BlockCsr;
 pub use distributed::{DistributedOperator, Halo, OwnedProduct};
 pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgmres};
+pub use multigrid::Multigrid;
 pub use operator::{Identity, InnerProduct, Operator, Preconditioner};
+pub use schur::{SchurPreconditioner, residual_weights};

@@ -84,6 +84,52 @@ pub struct Oseen {
 }
 
 impl Oseen {
+    /// A unit tank of n × n × n/2 cells, half water, half air, turning about y at up to 1 m/s.
+    pub fn tank(n: usize, courant: f64, open: bool) -> Self {
+        use std::f64::consts::PI;
+        let h = 1.0 / n as f64;
+        Self {
+            dt: courant * h,
+            a: |x| {
+                let (sx, cx) = (PI * x[0]).sin_cos();
+                let (sz, cz) = (2.0 * PI * x[2]).sin_cos();
+                [sx * cz, 0.0, -0.5 * cx * sz]
+            },
+            rho: |x| if x[2] < 0.25 + 0.05 * (PI * x[0]).cos() { 1000.0 } else { 1.0 },
+            nu: 1e-6,
+            open,
+            h,
+            size: [1.0, 1.0, h * (n / 2) as f64],
+        }
+    }
+
+    /// A gust: a momentum source of noise and of gravity, and no source of mass; zero where
+    /// unknowns are prescribed.
+    pub fn right_hand_side(&self, part: &MeshPart) -> Vec<f64> {
+        let mut b = vec![0.0; 4 * part.n_local()];
+        for tet in &part.mesh.tets {
+            let t = Tetrahedron::new(tet.map(|n| part.mesh.nodes[n as usize]));
+            let rho = (self.rho)(centre(&part.mesh, tet));
+            for &n in tet {
+                let i = n as usize;
+                for a in 0..3 {
+                    let gravity = if a == 2 { -9.81 } else { 0.0 };
+                    let gust = noise(3 * part.nodes.global[i] + a as u64);
+                    b[4 * i + a] += rho * 0.25 * t.volume * (gust + gravity);
+                }
+            }
+        }
+        for i in 0..part.n_local() {
+            let fixed = self.fixed(part, i);
+            for a in 0..4 {
+                if fixed[a] || i >= part.n_owned() {
+                    b[4 * i + a] = 0.0;
+                }
+            }
+        }
+        b
+    }
+
     /// The 4×4 system and the pressure operator L = ∫((Δt_eff + τ)/ρ)∇q·∇p.
     pub fn assemble(&self, part: &MeshPart) -> (BlockCsr<4>, BlockCsr<1>) {
         let mesh = &part.mesh;
@@ -138,24 +184,25 @@ impl Oseen {
         (A, L)
     }
 
+    /// Slip walls: the normal component is zero; the pressure at an open top, or of one node.
+    fn fixed(&self, part: &MeshPart, i: usize) -> [bool; 4] {
+        let x = part.mesh.nodes[i];
+        let at = |a: usize, v: f64| (x[a] - v).abs() < 1e-9;
+        let top = at(2, self.size[2]);
+        [
+            at(0, 0.0) || at(0, self.size[0]),
+            at(1, 0.0) || at(1, self.size[1]),
+            at(2, 0.0) || (top && !self.open),
+            if self.open { top } else { part.nodes.global[i] == 0 },
+        ]
+    }
+
     fn constrain(&self, part: &MeshPart, A: &mut BlockCsr<4>, L: &mut BlockCsr<1>) {
-        // Slip walls: the normal component is zero; the pressure at an open top, or of one node.
-        let fixed = |i: usize| {
-            let x = part.mesh.nodes[i];
-            let at = |a: usize, v: f64| (x[a] - v).abs() < 1e-9;
-            let top = at(2, self.size[2]);
-            [
-                at(0, 0.0) || at(0, self.size[0]),
-                at(1, 0.0) || at(1, self.size[1]),
-                at(2, 0.0) || (top && !self.open),
-                if self.open { top } else { part.nodes.global[i] == 0 },
-            ]
-        };
         for i in 0..part.n_owned() {
-            let fixed_i = fixed(i);
+            let fixed_i = self.fixed(part, i);
             for e in A.row(i) {
                 let j = A.columns[e] as usize;
-                let fixed_j = fixed(j);
+                let fixed_j = self.fixed(part, j);
                 for r in 0..4 {
                     for c in 0..4 {
                         if (fixed_i[r] || fixed_j[c]) && !(i == j && r == c) {

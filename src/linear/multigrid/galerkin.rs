@@ -1,0 +1,70 @@
+//! The coarse matrix of unsmoothed aggregation: a_IJ = Σ a_ij over i in I, j in J.
+
+use crate::linear::block_csr::BlockCsr;
+use crate::linear::distributed::NONE;
+
+/// Rows of this rank's `n_rows` aggregates. Row I is column `first + I`; columns are the values of
+/// `coarse_of`, below `n_columns`.
+pub fn coarse_matrix(
+    a: &BlockCsr<1>,
+    coarse_of: &[u32],
+    n_rows: usize,
+    first: u32,
+    n_columns: usize,
+) -> BlockCsr<1> {
+    // Members of each aggregate, ascending.
+    let own = |i: usize| (coarse_of[i] != NONE).then(|| (coarse_of[i] - first) as usize);
+    let mut start = vec![0u32; n_rows + 1];
+    for i in 0..a.n_rows() {
+        if let Some(I) = own(i) {
+            start[I + 1] += 1;
+        }
+    }
+    for I in 0..n_rows {
+        start[I + 1] += start[I];
+    }
+    let mut next = start.clone();
+    let mut members = vec![0u32; start[n_rows] as usize];
+    for i in 0..a.n_rows() {
+        if let Some(I) = own(i) {
+            members[next[I] as usize] = i as u32;
+            next[I] += 1;
+        }
+    }
+
+    let mut coarse = BlockCsr {
+        row_start: Vec::with_capacity(n_rows + 1),
+        columns: Vec::with_capacity(n_rows * 16),
+        values: Vec::with_capacity(n_rows * 16),
+    };
+    coarse.row_start.push(0);
+    let mut row: Vec<(u32, f64)> = Vec::with_capacity(256);
+    let mut place = vec![NONE; n_columns];
+    for I in 0..n_rows {
+        for &i in &members[start[I] as usize..start[I + 1] as usize] {
+            let entries = a.row(i as usize);
+            for (v, &j) in a.values[entries.clone()].iter().zip(&a.columns[entries]) {
+                let J = coarse_of[j as usize];
+                if J == NONE {
+                    continue;
+                }
+                let at = &mut place[J as usize];
+                if *at == NONE {
+                    *at = row.len() as u32;
+                    row.push((J, v[0][0]));
+                } else {
+                    row[*at as usize].1 += v[0][0];
+                }
+            }
+        }
+        for &(J, _) in &row {
+            place[J as usize] = NONE;
+        }
+        row.sort_unstable_by_key(|entry| entry.0);
+        coarse.columns.extend(row.iter().map(|entry| entry.0));
+        coarse.values.extend(row.iter().map(|entry| [[entry.1]]));
+        coarse.row_start.push(coarse.columns.len() as u32);
+        row.clear();
+    }
+    coarse
+}
