@@ -44,9 +44,11 @@ impl Communicator {
     }
     /// Sum over ranks, the same bits on every rank.
     pub fn sum(&self, x: f64) -> f64 {
-        let mut sum = [x];
-        self.sum_all(&mut sum);
-        sum[0]
+        let mut sum = x;
+        if self.size > 1 {
+            SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+        }
+        sum
     }
     /// Element-wise sum over ranks, in place. The same length on all ranks.
     pub fn sum_all(&self, x: &mut [f64]) {

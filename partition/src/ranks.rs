@@ -50,3 +50,16 @@ pub fn abort(code: i32) -> ! {
     }
     std::process::exit(code)
 }
+
+/// Gives freed memory back to the system. Splitting and dealing out a mesh takes several times its
+/// memory in small blocks, which glibc would keep beside all that the run itself needs.
+pub fn return_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        unsafe extern "C" {
+            fn malloc_trim(pad: usize) -> i32;
+        }
+        // SAFETY: a function of glibc without preconditions.
+        unsafe { malloc_trim(0) };
+    }
+}

@@ -3,10 +3,10 @@
 pub mod balance;
 pub mod boxes;
 pub mod error;
-pub mod order;
+mod order;
 pub mod part;
-pub mod piece;
-pub mod refine;
+mod piece;
+mod refine;
 
 pub use error::MeshError;
 pub use part::MeshPart;

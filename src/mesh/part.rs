@@ -90,7 +90,9 @@ impl MeshPart {
         let (wanted, n_cut_faces) = elements_wanted(comm, &piece, &owners, n_nodes);
         let owner_of: Vec<u32> = owners.iter().map(|owner| owner.rank).collect();
         let ghosts = exchange_elements(comm, &piece, &owner_of, &wanted);
-        Ok(assemble(comm, piece, owner_of, ghosts, names, n_cut_faces))
+        let part = assemble(comm, piece, owner_of, ghosts, names, n_cut_faces);
+        partition::return_memory();
+        Ok(part)
     }
     /// Sum over ranks.
     pub fn sum(&self, x: f64) -> f64 {

@@ -11,6 +11,10 @@ pub fn collectives(comm: &Communicator) {
     comm.sum_all(&mut x);
     assert_eq!(x, [n * (n - 1.0) / 2.0, n, -n * (n - 1.0) / 2.0]);
     comm.sum_all(&mut []);
+    // The same bits everywhere and every time, although rounding depends on the order.
+    let sum = comm.sum(0.1 + (rank as f64).sqrt()).to_bits();
+    assert!(comm.all_gather(&[sum]).concat().iter().all(|&bits| bits == sum));
+    assert_eq!(comm.sum(0.1 + (rank as f64).sqrt()).to_bits(), sum);
     assert_eq!(comm.sum_u64(1 << 60), (size as u64) << 60);
     assert_eq!(comm.max(-(rank as f64)), 0.0);
     assert_eq!(comm.min(-(rank as f64)), 1.0 - n);

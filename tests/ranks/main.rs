@@ -2,12 +2,14 @@
 //! and 4 ranks, and each rank runs every body. `cargo test --test ranks NAME` runs those bodies whose
 //! name contains NAME.
 //!
-//! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`.
+//! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`. Last, a
+//! panic on one rank must end all of them.
 
 mod communication;
 mod parts;
 
 use partition::Communicator;
+use std::io::Read;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
@@ -41,24 +43,53 @@ fn main() -> ExitCode {
     let bodies: Vec<_> = (BODIES.iter())
         .filter(|body| wanted.is_empty() || wanted.iter().any(|name| body.0.contains(name)))
         .collect();
-    if std::env::var_os(INSIDE).is_some() {
-        let ranks = partition::start();
-        let comm = ranks.world();
-        for (name, body) in &bodies {
-            let start = Instant::now();
-            body(&comm);
-            let time = comm.max(start.elapsed().as_secs_f64());
-            if comm.rank() == 0 {
-                println!("test {name} on {} ranks ... ok ({time:.2} s)", comm.size());
-            }
-        }
-        return ExitCode::SUCCESS;
+    match std::env::var(INSIDE).as_deref() {
+        Ok("bodies") => run_bodies(&bodies),
+        Ok(_) => panic_on_the_last_rank(),
+        Err(_) => start_all(&bodies, &wanted),
     }
+}
+
+/// What each rank does.
+fn run_bodies(bodies: &[&(&str, Body)]) -> ExitCode {
+    let ranks = partition::start();
+    let comm = ranks.world();
+    for (name, body) in bodies {
+        let start = Instant::now();
+        body(&comm);
+        let time = comm.max(start.elapsed().as_secs_f64());
+        if comm.rank() == 0 {
+            println!("test {name} on {} ranks ... ok ({time:.2} s)", comm.size());
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+/// One rank panics while the others wait for it.
+fn panic_on_the_last_rank() -> ExitCode {
+    let ranks = partition::start();
+    let comm = ranks.world();
+    assert!(comm.rank() + 1 < comm.size(), "panic on purpose");
+    comm.sum(1.0);
+    ExitCode::SUCCESS
+}
+
+/// Starts the ranks, group by group.
+fn start_all(bodies: &[&(&str, Body)], wanted: &[String]) -> ExitCode {
     let mut failed = Vec::new();
     for n in 1..=4 {
-        if let Err(reason) = run_on(n, &wanted) {
+        if let Err(reason) = run_on(n, "bodies", wanted, Stdio::inherit()) {
             println!("FAILED on {n} ranks: {reason}");
             failed.push(n);
+        }
+    }
+    match run_on(3, "panic", &[], Stdio::piped()) {
+        Err(said) if said.contains("rank 2 of 3 panicked") && said.contains("on purpose") => {
+            println!("test a panic on one rank ends all ... ok");
+        }
+        other => {
+            println!("FAILED: a panic on one of three ranks gave {other:?}");
+            failed.push(3);
         }
     }
     if failed.is_empty() {
@@ -70,25 +101,30 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs this program on `n` ranks.
-fn run_on(n: usize, wanted: &[String]) -> Result<(), String> {
+/// Runs this program on `n` ranks: what it ended with, and what it said to `stderr` if that is piped.
+fn run_on(n: usize, job: &str, wanted: &[String], stderr: Stdio) -> Result<(), String> {
     let this = std::env::current_exe().map_err(|e| e.to_string())?;
     let mut child = Command::new("mpirun")
         .args(["-n", &n.to_string()])
         .arg(this)
         .args(wanted)
-        .env(INSIDE, "1")
+        .env(INSIDE, job)
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .stdin(Stdio::null())
+        .stderr(stderr)
         .spawn()
         .map_err(|e| format!("mpirun does not start: {e}"))?;
     let start = Instant::now();
     loop {
         if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
-            return if status.success() { Ok(()) } else { Err(format!("{status}")) };
+            let mut said = format!("{status}\n");
+            if let Some(mut stderr) = child.stderr.take() {
+                stderr.read_to_string(&mut said).map_err(|e| e.to_string())?;
+            }
+            return if status.success() { Ok(()) } else { Err(said) };
         }
         if start.elapsed() > LIMIT {
             // mpirun ends its ranks when it is asked to end.
