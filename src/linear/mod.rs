@@ -15,6 +15,6 @@ pub mod schur;
 pub use block_csr::BlockCsr;
 pub use distributed::{DistributedOperator, Halo, OwnedProduct};
 pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgmres};
-pub use multigrid::Multigrid;
+pub use multigrid::{Multigrid, MultigridSettings};
 pub use operator::{Identity, InnerProduct, Operator, Preconditioner};
 pub use schur::{SchurPreconditioner, residual_weights};

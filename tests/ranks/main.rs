@@ -6,6 +6,7 @@
 //! panic on one rank must end all of them.
 
 mod communication;
+mod linear;
 mod parts;
 
 use partition::Communicator;
@@ -29,6 +30,10 @@ const BODIES: &[(&str, Body)] = &[
     ("integrals_and_rows", parts::integrals_and_rows),
     ("shares_are_even", parts::shares_are_even),
     ("few_elements_and_reruns", parts::few_elements_and_reruns),
+    ("operator_and_product", linear::operator_and_product),
+    ("multigrid_on_ranks", linear::multigrid_on_ranks),
+    ("flow_system_on_ranks", linear::flow_system_on_ranks),
+    ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 

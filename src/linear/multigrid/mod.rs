@@ -21,18 +21,30 @@ use super::operator::Preconditioner;
 use direct::Direct;
 use level::Level;
 
-/// Strength θ on the finest level; halved on each coarser one.
-const STRENGTH: f64 = 0.05;
-/// Levels of at most so many nodes, over all ranks, are held by every rank.
-const GATHERED: u64 = 20_000;
-/// Levels of at most so many nodes are solved directly.
-const DIRECT: usize = 300;
 /// The second step of the K-cycle is taken if the first leaves more than this of the residual.
 const SECOND_STEP: f64 = 0.25;
+
+/// How levels are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MultigridSettings {
+    /// Strength θ on the finest level; halved on each coarser one.
+    pub strength: f64,
+    /// Levels of at most so many nodes, over all ranks, are held by every rank.
+    pub gathered: u64,
+    /// Gathered levels of at most so many nodes are solved directly.
+    pub direct: usize,
+}
+
+impl Default for MultigridSettings {
+    fn default() -> Self {
+        Self { strength: 0.05, gathered: 20_000, direct: 300 }
+    }
+}
 
 /// The hierarchy of levels.
 #[derive(Clone, Debug)]
 pub struct Multigrid {
+    settings: MultigridSettings,
     levels: Vec<Level>,
     bottom: Option<Direct>,
     sizes: Vec<u64>,
@@ -41,7 +53,12 @@ pub struct Multigrid {
 impl Multigrid {
     /// For matrices of the pattern that `halo` was made for. `setup` comes before use.
     pub fn new(halo: &Halo) -> Self {
-        Self { levels: vec![Level::new(halo.clone())], bottom: None, sizes: Vec::new() }
+        Self::with_settings(halo, MultigridSettings::default())
+    }
+
+    /// As `new`, with other levels.
+    pub fn with_settings(halo: &Halo, settings: MultigridSettings) -> Self {
+        Self { settings, levels: vec![Level::new(halo.clone())], bottom: None, sizes: Vec::new() }
     }
 
     /// Builds all levels of L. Diagonal entries are positive; rows of prescribed values are
@@ -52,7 +69,7 @@ impl Multigrid {
         self.levels[0].set_matrix(L);
         let mut n = self.levels[0].halo.sum_u64(L.n_rows() as u64);
         self.sizes = vec![n];
-        let mut theta = STRENGTH;
+        let mut theta = self.settings.strength;
         let mut coarse: Option<BlockCsr<1>> = None;
         loop {
             let fine = self.levels.last_mut().expect("at least the finest level");
@@ -63,7 +80,7 @@ impl Multigrid {
                 fine.coarse_of.clear();
                 return;
             }
-            fine.gathered = n_coarse <= GATHERED;
+            fine.gathered = n_coarse <= self.settings.gathered;
             let (next, halo) = if fine.gathered {
                 let (first, coarse_of) = fine.halo.name_aggregates(&aggregates, count);
                 let rows =
@@ -80,7 +97,7 @@ impl Multigrid {
             fine.restricted.resize(halo.n_local(), 0.0);
             (n, theta) = (n_coarse, 0.5 * theta);
             self.sizes.push(n);
-            if fine.gathered && next.n_rows() <= DIRECT {
+            if fine.gathered && next.n_rows() <= self.settings.direct {
                 self.bottom = Direct::new(&next);
                 if self.bottom.is_some() {
                     return;
