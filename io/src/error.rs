@@ -23,6 +23,16 @@ pub enum Error {
         /// What is wrong, in words.
         message: String,
     },
+    /// Something in a binary file.
+    #[error("{}: at byte {offset}: {message}", path.display())]
+    Byte {
+        /// The file.
+        path: PathBuf,
+        /// Bytes before it.
+        offset: usize,
+        /// What is wrong, in words.
+        message: String,
+    },
 }
 
 impl Error {
@@ -33,5 +43,9 @@ impl Error {
     /// An error in one line (from 1) of a file.
     pub fn line(path: &Path, line: usize, message: impl std::fmt::Display) -> Self {
         Self::Line { path: path.into(), line, message: message.to_string() }
+    }
+    /// An error at some place of a binary file.
+    pub fn byte(path: &Path, offset: usize, message: impl std::fmt::Display) -> Self {
+        Self::Byte { path: path.into(), offset, message: message.to_string() }
     }
 }

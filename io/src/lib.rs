@@ -3,6 +3,7 @@
 
 mod blocks;
 pub mod error;
+pub mod gmsh;
 mod shared_file;
 pub mod vtkhdf;
 
