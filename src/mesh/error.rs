@@ -147,7 +147,7 @@ pub enum MeshError {
         /// Corners [m].
         corners: [[f64; 3]; 4],
     },
-    /// A face of more than two elements, or two elements on the same side of a face.
+    /// Two elements on the same side of a face.
     #[error(
         "tetrahedra {elements:?} overlap: they lie on the same side of the face with centre ({}, \
          {}, {})", at[0], at[1], at[2]

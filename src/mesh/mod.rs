@@ -3,9 +3,12 @@
 pub mod balance;
 pub mod boxes;
 pub mod error;
+mod faces;
+pub mod import;
 mod order;
 pub mod part;
 mod piece;
+pub mod quality;
 mod refine;
 
 pub use error::MeshError;
@@ -39,6 +42,18 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Places of an element's corners.
+    #[inline]
+    pub fn corners(&self, element: usize) -> [[f64; 3]; 4] {
+        self.tets[element].map(|n| self.nodes[n as usize])
+    }
+
+    /// Mean of the places of three nodes.
+    pub fn centre(&self, nodes: [u32; 3]) -> [f64; 3] {
+        let x = nodes.map(|n| self.nodes[n as usize]);
+        std::array::from_fn(|k| (x[0][k] + x[1][k] + x[2][k]) / 3.0)
+    }
+
     /// Leaves out nodes of no element; the others keep their order.
     pub fn drop_unused_nodes(&mut self) {
         let mut number = vec![u32::MAX; self.nodes.len()];

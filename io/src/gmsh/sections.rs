@@ -151,7 +151,7 @@ pub fn nodes(c: &mut Cursor, version: Version, raw: &mut Raw) -> Result<(), Erro
             let n = c.count(count, 32, "nodes")?;
             tags.reserve_exact(n);
             places.reserve_exact(n);
-            (c.size("the smallest tag")?, c.size("the largest tag")?);
+            smallest_and_largest(c)?;
             for _ in 0..blocks {
                 let dimension = c.int("the dimension of an entity")?;
                 c.int("the tag of an entity")?;
@@ -176,6 +176,13 @@ pub fn nodes(c: &mut Cursor, version: Version, raw: &mut Raw) -> Result<(), Erro
         return Err(c.fail(format!("$Nodes announces {announced} nodes but holds {found}")));
     }
     raw.nodes = Some((tags, places));
+    Ok(())
+}
+
+/// Tags may have gaps: their range says nothing.
+fn smallest_and_largest(c: &mut Cursor) -> Result<(), Error> {
+    c.size("the smallest tag")?;
+    c.size("the largest tag")?;
     Ok(())
 }
 
@@ -265,7 +272,7 @@ fn elements_v4(c: &mut Cursor) -> Result<(Triangles, Tets), Error> {
     let (mut triangles, mut tets) = (Vec::new(), Vec::new());
     let blocks = c.size("the number of blocks")?;
     let announced = c.size("the number of elements")?;
-    (c.size("the smallest tag")?, c.size("the largest tag")?);
+    smallest_and_largest(c)?;
     let mut found: u64 = 0;
     for _ in 0..blocks {
         c.int("the dimension of an entity")?;
