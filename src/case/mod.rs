@@ -1,6 +1,7 @@
 //! The case file: as typed (`CaseFile`), then checked, in SI units (`Case`).
 
 pub mod formula;
+pub mod nearest;
 
 pub use formula::Formula;
 use std::path::PathBuf;
