@@ -1,3 +1,84 @@
-//! Command line.
+//! Command line → case → run → exit status: 0, 1 (the run failed) or 2 (bad input).
 
-fn main() {}
+use clap::Parser;
+use fcm_fsi::case::{Case, CaseError, CaseFile, Sources};
+use partition::Communicator;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Free-surface flow that hits, moves and breaks structures.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Case file, or a folder with a case.toml.
+    #[arg(required_unless_present = "schema")]
+    case: Option<PathBuf>,
+    /// Folder for the results [default: results/NAME, after the case's folder or file].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on from this checkpoint.
+    #[arg(long, value_name = "PATH")]
+    restart: Option<PathBuf>,
+    /// Stop after this many steps.
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+    /// Print nothing but errors.
+    #[arg(long)]
+    quiet: bool,
+    /// Read and check everything, print what it would take, compute nothing.
+    #[arg(long)]
+    check: bool,
+    /// Print the JSON schema of case files.
+    #[arg(long)]
+    schema: bool,
+}
+
+const BAD_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    let ranks = partition::start();
+    let comm = ranks.world();
+    let first = comm.rank() == 0;
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(message) => {
+            if first {
+                message.print().expect("the terminal can be written to");
+            }
+            return ExitCode::from(message.exit_code() as u8);
+        }
+    };
+    if arguments.schema {
+        if first {
+            println!("{}", CaseFile::schema());
+        }
+        return ExitCode::SUCCESS;
+    }
+    let path = arguments.case.as_ref().expect("clap asks for a case unless --schema is given");
+    let case = match read(path, &comm) {
+        Ok(case) => case,
+        Err(error) => {
+            if first {
+                eprintln!("error: {error}");
+            }
+            return ExitCode::from(BAD_INPUT);
+        }
+    };
+    if first && !arguments.quiet {
+        println!("{}", case.title);
+    }
+    ExitCode::SUCCESS
+}
+
+/// The first rank reads, every rank checks the same texts, so all agree.
+fn read(path: &std::path::Path, comm: &Communicator) -> Result<Case, CaseError> {
+    let mut message = Vec::new();
+    if comm.rank() == 0 {
+        let texts = Sources::read(path);
+        message = serde_json::to_vec(&texts).expect("texts can be written as JSON");
+    }
+    let message = comm.broadcast(0, message);
+    let texts: Result<Sources, CaseError> =
+        serde_json::from_slice(&message).expect("what was written as JSON can be read");
+    Case::new(&texts?)
+}

@@ -1,13 +1,23 @@
 //! The case file: as typed (`CaseFile`), then checked, in SI units (`Case`).
 
+mod check;
+pub mod error;
+pub mod file;
 pub mod formula;
 pub mod nearest;
+mod reader;
+pub mod sources;
 
+pub use error::{CaseError, Source};
+pub use file::CaseFile;
 pub use formula::Formula;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+pub use sources::Sources;
 use std::path::PathBuf;
 
 /// Everything a run needs to know, checked.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// For people.
     pub title: String,
@@ -15,6 +25,8 @@ pub struct Case {
     pub path: PathBuf,
     /// Where the mesh comes from.
     pub mesh: MeshSource,
+    /// How many times every tetrahedron is split into eight, after distribution.
+    pub refine: u32,
     /// Boundary condition of every boundary not listed in `boundaries`.
     pub default_boundary: Boundary,
     /// By boundary name.
@@ -43,10 +55,14 @@ pub struct Case {
     pub output: Output,
     /// Gauges.
     pub gauges: Vec<Gauge>,
+    /// The case file with defaults filled in: itself a case file that gives this case.
+    pub effective: String,
+    /// The file as it was typed: `case.source.error("boundaries.inlet", …)` names its line.
+    pub source: Source,
 }
 
 /// Mesh of the mathematical domain.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum MeshSource {
     /// A graded box.
     Box(BoxMesh),
@@ -55,7 +71,7 @@ pub enum MeshSource {
 }
 
 /// Mesh source together with what is done to it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BoxMesh {
     /// Grid lines along x, y, z, made from edges, cells, ratios or sizes.
     pub lines: [Vec<f64>; 3],
@@ -66,7 +82,7 @@ pub struct BoxMesh {
 }
 
 /// A solid block left out of a box mesh.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Hole {
     /// Range along x, y, z [m]; must lie on grid lines.
     pub range: [[f64; 2]; 3],
@@ -75,7 +91,7 @@ pub struct Hole {
 }
 
 /// Density [kg/m³] and dynamic viscosity [Pa s].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fluid {
     /// ρ [kg/m³].
     pub density: f64,
@@ -84,7 +100,7 @@ pub struct Fluid {
 }
 
 /// A condition on one named boundary.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Boundary {
     /// u = 0.
     NoSlip,
@@ -107,7 +123,7 @@ pub enum Boundary {
 }
 
 /// State at t = 0.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Initial {
     /// Signed distance formula, positive in liquid; `None`: liquid everywhere.
     pub water: Option<Formula>,
@@ -118,7 +134,7 @@ pub struct Initial {
 }
 
 /// Time stepping.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Time {
     /// End [s].
     pub end: f64,
@@ -133,7 +149,8 @@ pub struct Time {
 }
 
 /// How φ is regularised.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Regularisation {
     /// Explicit conservative sub-step in ψ (METHOD §3, beyond).
     Psi,
@@ -142,7 +159,8 @@ pub enum Regularisation {
 }
 
 /// Volume correction [16,17].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum VolumeCorrection {
     /// None; the drift is logged.
     Off,
@@ -153,7 +171,7 @@ pub enum VolumeCorrection {
 }
 
 /// Phase field settings.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeSurface {
     /// δ [m]; `None`: `thickness_cells` times the typical cell size.
     pub thickness: Option<f64>,
@@ -172,7 +190,8 @@ pub struct FreeSurface {
 }
 
 /// Form of the gravity force.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Gravity {
     /// Whitney edge interpolation (still water stays still).
     Edge,
@@ -181,7 +200,7 @@ pub enum Gravity {
 }
 
 /// Flow settings.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flow {
     /// Form of the gravity force.
     pub gravity: Gravity,
@@ -190,7 +209,7 @@ pub struct Flow {
 }
 
 /// Linear solver settings.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solver {
     /// Flow: residual relative to that of the previous step's solution.
     pub tolerance: f64,
@@ -201,7 +220,7 @@ pub struct Solver {
 }
 
 /// Output settings.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Output {
     /// Time between field outputs [s]; `None`: no fields.
     pub fields_every: Option<f64>,
@@ -212,7 +231,7 @@ pub struct Output {
 }
 
 /// A place where something is recorded.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Gauge {
     /// Column name in gauges.csv.
     pub name: String,
@@ -221,7 +240,7 @@ pub struct Gauge {
 }
 
 /// What a gauge measures.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GaugeKind {
     /// Length of liquid along a line [m] (∫φ ds).
     WaterLevel {

@@ -3,6 +3,7 @@
 pub mod balance;
 pub mod boxes;
 pub mod error;
+pub mod grading;
 mod faces;
 pub mod import;
 mod order;
