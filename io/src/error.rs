@@ -1,5 +1,6 @@
 //! What can be wrong with a file.
 
+use partition::Communicator;
 use std::path::{Path, PathBuf};
 
 /// A file that cannot be read or written, and why.
@@ -33,9 +34,17 @@ pub enum Error {
         /// What is wrong, in words.
         message: String,
     },
+    /// What the lowest rank that failed says, on every rank.
+    #[error("{0}")]
+    Agreed(String),
 }
 
 impl Error {
+    /// An error on one rank becomes an error on all. Collective.
+    pub(crate) fn agree<T>(comm: &Communicator, mine: Result<T, Self>) -> Result<T, Self> {
+        comm.agree(mine).map_err(Self::Agreed)
+    }
+
     /// An error about a whole file.
     pub fn file(path: &Path, message: impl std::fmt::Display) -> Self {
         Self::File { path: path.into(), message: message.to_string() }

@@ -2,6 +2,7 @@
 //! this crate alone.
 
 mod blocks;
+pub mod checkpoint;
 pub mod error;
 pub mod gmsh;
 mod shared_file;

@@ -143,8 +143,7 @@ fn agree<T>(
     what: &str,
     result: HdfResult<T>,
 ) -> Result<T, Error> {
-    comm.agree(result.map_err(|e| format!("cannot {what}: {e}")))
-        .map_err(|message| Error::file(path, message))
+    Error::agree(comm, result.map_err(|e| Error::file(path, format!("cannot {what}: {e}"))))
 }
 
 /// Writes whole rows from row `first` on. With MPI all ranks call it, each with its own rows.

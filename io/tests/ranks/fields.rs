@@ -1,27 +1,24 @@
-//! Files written by 1, 2 and 3 ranks: `fields.vtkhdf` as VTK's own reader sees it.
-//!
-//! The program starts itself under `mpirun` as the writer, then runs `read_fields.py`.
+//! `fields.vtkhdf` as VTK's own reader sees it (`read_fields.py`).
 
+use crate::{mpirun, run_ranks, text};
 use io::{FieldsFile, FieldsMesh};
 use partition::{Communicator, IndexMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    if let [_, job, path, after, times] = &arguments[..]
-        && job == "write-fields"
-    {
-        let ranks = partition::start();
-        return write_fields(&ranks.world(), path, after.parse().ok(), &numbers(times));
-    }
-    let directory = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("ranks");
-    std::fs::create_dir_all(&directory).expect("the test's directory can be made");
-    fields_of_one_two_and_three_ranks(&directory);
-    fields_without_mpi(&directory);
-    restart_goes_on_in_the_same_file(&directory);
-    a_killed_run_leaves_a_readable_file(&directory);
-    other_fields_and_other_meshes_are_refused(&directory);
+/// The writer's job: path, `new` or the time to go on from, times.
+pub fn write(comm: &Communicator, arguments: &[String]) {
+    let [path, after, times] = arguments else { panic!("three arguments") };
+    let times: Vec<f64> = times.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect();
+    write_fields(comm, path, after.parse().ok(), &times);
+}
+
+pub fn test(directory: &Path) {
+    fields_of_one_two_and_three_ranks(directory);
+    fields_without_mpi(directory);
+    restart_goes_on_in_the_same_file(directory);
+    a_killed_run_leaves_a_readable_file(directory);
+    other_fields_and_other_meshes_are_refused(directory);
 }
 
 fn fields_of_one_two_and_three_ranks(directory: &Path) {
@@ -188,7 +185,7 @@ fn read_fields(path: &Path, times: &[f64]) {
     let times: Vec<String> = times.iter().map(f64::to_string).collect();
     let numbers = [n_points().to_string(), n_cells().to_string(), times.join(",")];
     let status = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scripts/python"))
-        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/read_fields.py"))
+        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ranks/read_fields.py"))
         .arg(path)
         .args(numbers)
         .status()
@@ -203,32 +200,4 @@ fn contents(path: &Path) -> Vec<Vec<f64>> {
         .map(|name| file.dataset(&format!("VTKHDF/{name}")).and_then(|d| d.read_raw::<f64>()))
         .map(|values| values.expect("the table is there"))
         .to_vec()
-}
-
-fn run_ranks(ranks: usize, arguments: &[&str]) {
-    let status = mpirun(ranks, arguments).status().expect("mpirun starts");
-    assert!(status.success(), "{ranks} ranks: {arguments:?}: {status}");
-}
-
-fn mpirun(ranks: usize, arguments: &[&str]) -> Command {
-    let mut command = Command::new("mpirun");
-    command
-        .envs([
-            ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-            ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-            ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
-            ("OMPI_MCA_mpi_yield_when_idle", "1"),
-        ])
-        .args(["-n", &ranks.to_string()])
-        .arg(std::env::current_exe().expect("the test knows its program"))
-        .args(arguments);
-    command
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("the target directory's name is UTF-8")
-}
-
-fn numbers(list: &str) -> Vec<f64> {
-    list.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect()
 }

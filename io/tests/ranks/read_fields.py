@@ -1,4 +1,4 @@
-"""Reads a file that tests/ranks.rs wrote with VTK's own reader and checks all that is in it.
+"""Reads a file that fields.rs wrote with VTK's own reader and checks all that is in it.
 
     read_fields.py FILE POINTS CELLS TIMES
 
