@@ -6,7 +6,9 @@ pub mod checkpoint;
 pub mod error;
 pub mod gmsh;
 mod shared_file;
+pub mod table;
 pub mod vtkhdf;
 
 pub use error::Error;
+pub use table::{Table, TableWriter};
 pub use vtkhdf::{FieldsFile, FieldsMesh};
