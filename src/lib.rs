@@ -4,3 +4,4 @@ pub mod case;
 pub mod fem;
 pub mod linear;
 pub mod mesh;
+pub mod phase;

@@ -3,6 +3,7 @@
 //! May name `mesh` and `case`; knows nothing of ranks but what `MeshPart` offers.
 
 pub mod constraints;
+pub mod quadrature;
 pub mod tetrahedron;
 
 /// a·b

@@ -1,0 +1,252 @@
+//! The free surface: a conservative Allen-Cahn phase field φ (1 liquid, 0 gas) on P1 tetrahedra.
+//!
+//!     ∂φ/∂t + u·∇φ = ∇·R,   R = γ(δ∇φ − φ(1−φ) ∇φ/|∇φ|)          Chiu & Lin 2011; METHOD §3
+//!
+//! φ lives at half time levels: a step with uⁿ takes φ^{n−½} to φ^{n+½}.
+//!
+//! `initial` φ of a signed distance · `profile` the tanh inside an element · `transport` the implicit
+//! convective step and why it conserves · `boundary` flux through faces · `regularise` R in ψ form ·
+//! `plain` R as the paper has it · `water` connected bodies · `volume` correction and ledger.
+//!
+//! May name `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
+
+pub mod boundary;
+pub mod initial;
+mod plain;
+pub mod profile;
+mod regularise;
+pub mod transport;
+pub mod volume;
+pub mod water;
+
+use crate::case::{self, FreeSurface, Regularisation, VolumeCorrection};
+use crate::fem::dot;
+use crate::fem::tetrahedron::Tetrahedron;
+use crate::linear::Diverged;
+use crate::mesh::MeshPart;
+use profile::{OUTER, Profile, logit};
+pub use transport::Transport;
+pub use volume::{Ledger, VolumeReport};
+
+/// How the regularisation enters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    /// Sub-steps in ψ after transport.
+    Psi,
+    /// [11], inside the transport step.
+    Plain,
+    /// Without conservation: moves by curvature.
+    Curvature,
+}
+
+/// What one step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Advance {
+    /// The transport solve.
+    pub transport: Transport,
+    /// γ [m/s].
+    pub speed: f64,
+    /// Regularisation sub-steps.
+    pub sub_steps: u32,
+}
+
+/// Named arrays from which a run can be continued.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// One value for each local node.
+    pub nodal: Vec<(&'static str, Vec<f64>)>,
+    /// The same on every rank.
+    pub global: Vec<(&'static str, Vec<f64>)>,
+}
+
+/// The phase field and all it needs to move.
+#[derive(Clone, Debug)]
+pub struct Phase {
+    /// φ of local nodes; ghosts valid.
+    pub phi: Vec<f64>,
+    /// δ [m].
+    delta: f64,
+    /// h [m].
+    cell: f64,
+    form: Form,
+    mobility: f64,
+    profile_correction: bool,
+    volume_correction: VolumeCorrection,
+    tolerance: f64,
+    max_iterations: u32,
+    open_faces: Vec<u32>,
+    ledger: Ledger,
+    /// What the scheme owes each owned node beyond ∫N_i φ_h [m³] (see `transport`).
+    excess: Vec<f64>,
+    /// Liquid that came in at each owned node since the volume was last corrected [m³].
+    inflow: Vec<f64>,
+    /// Lumped mass, and its inverse, of local nodes.
+    lumped: Vec<f64>,
+    inverse_lumped: Vec<f64>,
+    /// λ_e of `regularise`.
+    stiffness: Vec<f32>,
+    solver: transport::Solver,
+    // Scratch.
+    profile: Profile,
+    before: Vec<f64>,
+    nodal_volume: Vec<f64>,
+    band: Vec<(u32, u32, f64)>,
+}
+
+impl Phase {
+    /// From nodal φ (ghosts valid), for cells of size `cell` at the interface (`initial::cell_size`).
+    ///
+    /// `open_faces`: boundary faces (indices into `part.mesh.boundary`) that liquid may cross; what
+    /// crosses them is booked, what leaks through others is not. Collective.
+    pub fn new(
+        part: &MeshPart,
+        settings: &FreeSurface,
+        solver: &case::Solver,
+        cell: f64,
+        phi: Vec<f64>,
+        open_faces: Vec<u32>,
+    ) -> Self {
+        let n = part.n_local();
+        assert_eq!(phi.len(), n, "a value of φ for each local node");
+        let mut lumped = vec![0.0; n];
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            let quarter = 0.25 * Tetrahedron::of(&part.mesh, e).volume;
+            for &i in tet {
+                lumped[i as usize] += quarter;
+            }
+        }
+        part.exchange.update_ghosts(&mut lumped);
+        let mut phase = Self {
+            delta: delta(settings, cell),
+            cell,
+            form: match (settings.conservative, settings.regularisation) {
+                (false, _) => Form::Curvature,
+                (true, Regularisation::Plain) => Form::Plain,
+                (true, Regularisation::Psi) => Form::Psi,
+            },
+            mobility: settings.mobility,
+            profile_correction: settings.profile_correction,
+            volume_correction: settings.volume_correction,
+            tolerance: solver.phase_tolerance,
+            max_iterations: solver.max_iterations,
+            open_faces,
+            ledger: Ledger::default(),
+            excess: vec![0.0; n],
+            inflow: vec![0.0; n],
+            inverse_lumped: lumped.iter().map(|m| 1.0 / m).collect(),
+            lumped,
+            stiffness: regularise::stiffness(&part.mesh),
+            solver: transport::Solver::new(part),
+            profile: Profile::default(),
+            before: phi.clone(),
+            nodal_volume: Vec::new(),
+            band: Vec::new(),
+            phi,
+        };
+        phase.open_ledger(part);
+        // `volume` has left the profile's part here.
+        phase.excess.copy_from_slice(&phase.solver.excess);
+        phase
+    }
+
+    /// One step of length `dt` with the velocity at its middle. Collective.
+    ///
+    /// `velocity` [m/s] at local nodes, `fine_scale` u' [m/s] of local elements (zero for a given,
+    /// divergence-free velocity), `inflow` local nodes where φ is prescribed. On `Err`, φ is the last
+    /// iterate.
+    ///
+    /// # Errors
+    /// The linear solver did not reach its tolerance.
+    pub fn advance(
+        &mut self,
+        part: &MeshPart,
+        dt: f64,
+        velocity: &[[f64; 3]],
+        fine_scale: &[[f64; 3]],
+        inflow: &[(u32, f64)],
+    ) -> Result<Advance, Diverged> {
+        let top = (0..part.n_owned())
+            .filter(|&i| self.phi[i] * (1.0 - self.phi[i]) > OUTER)
+            .map(|i| dot(velocity[i], velocity[i]))
+            .fold(0.0, f64::max);
+        let speed = self.mobility * part.max(top).sqrt();
+        let transport =
+            transport::step(self, part, dt, velocity, fine_scale, inflow, speed)?;
+        let sub_steps =
+            if self.form == Form::Psi { regularise::sub_steps(self, part, dt, speed) } else { 0 };
+        Ok(Advance { transport, speed, sub_steps })
+    }
+
+    /// δ [m].
+    pub fn delta(&self) -> f64 {
+        self.delta
+    }
+
+    /// Targets and sums of the volume correction.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// ψ = δ ln(φ/(1−φ)) of local nodes [m], clipped at ±11δ.
+    pub fn psi(&self, out: &mut [f64]) {
+        for (psi, &phi) in out.iter_mut().zip(&self.phi) {
+            *psi = self.delta * logit(phi);
+        }
+    }
+
+    /// Everything that later steps depend on. Body names are stored plus one, 0 for none.
+    pub fn state(&self) -> State {
+        let l = &self.ledger;
+        let mut nodal = vec![("phi", self.phi.clone()), ("phase_excess", self.excess.clone())];
+        if !l.names.is_empty() {
+            let names = l.names.iter().map(|&n| n.wrapping_add(1) as f64).collect();
+            nodal.push(("water_body", names));
+        }
+        let bodies = l.bodies.iter().flat_map(|b| [b.name as f64, b.target]).collect();
+        let global = vec![
+            ("phase_size", vec![self.cell, self.delta]),
+            ("water_account", vec![l.spray, l.target, l.corrected, l.moved]),
+            ("water_bodies", bodies),
+        ];
+        State { nodal, global }
+    }
+
+    /// Continues from `state`, taken from a phase field with the same settings (on any number of ranks);
+    /// ghosts of its nodal arrays need not be valid. Collective.
+    ///
+    /// # Panics
+    /// If an array is missing or has the wrong length.
+    pub fn restore(&mut self, part: &MeshPart, state: &State) {
+        let find = |list: &[(&'static str, Vec<f64>)], name: &str| {
+            let found = list.iter().find(|(n, _)| *n == name);
+            found.unwrap_or_else(|| panic!("phase state has an array {name}")).1.clone()
+        };
+        let nodal = |name: &str| {
+            let mut values = find(&state.nodal, name);
+            assert_eq!(values.len(), part.n_local(), "{name} has a value for each local node");
+            part.exchange.update_ghosts(&mut values);
+            values
+        };
+        self.phi = nodal("phi");
+        self.excess = nodal("phase_excess");
+        if !self.ledger.names.is_empty() {
+            let names = nodal("water_body");
+            self.ledger.names = names.iter().map(|&n| (n as u64).wrapping_sub(1)).collect();
+        }
+        let size = find(&state.global, "phase_size");
+        [self.cell, self.delta] = size[..].try_into().expect("h and δ");
+        let account = find(&state.global, "water_account");
+        let bodies = find(&state.global, "water_bodies");
+        let l = &mut self.ledger;
+        [l.spray, l.target, l.corrected, l.moved] = account[..].try_into().expect("4 sums");
+        l.bodies = bodies
+            .chunks_exact(2)
+            .map(|b| volume::Body { name: b[0] as u64, target: b[1] })
+            .collect();
+    }
+}
+
+/// δ of these settings for cells of size `cell` [m].
+pub fn delta(settings: &FreeSurface, cell: f64) -> f64 {
+    settings.thickness.unwrap_or(settings.thickness_cells * cell)
+}

@@ -1,0 +1,208 @@
+//! The interface's profile inside an element: `φ* = φ_h + w (σ(ψ_h/δ) − φ_h)`, `σ(s) = 1/(1+e^{−s})`.
+//!
+//! P1 draws chords under a profile that is a few elements wide. The nodal values of
+//! `ψ = δ ln(φ/(1−φ))`, interpolated linearly, give the profile its shape back (METHOD §3). `w` fades
+//! the correction out where it has no meaning: by a smoothstep of `q = min φ(1−φ)` over the nodes,
+//! away from the interface, and by one of the range of ψ, in elements that are steeper than any
+//! profile δ can make on this mesh (splashes thinner than an element).
+//!
+//! Quadrature without exponentials per element: at a point of an orbit (b, b, b, 1−3b),
+//! `e^{−s} = Π_j e^{−b s_j} · e^{−(1−4b) s_k}`, a product of powers kept at the nodes.
+
+use crate::fem::quadrature::TETRAHEDRON_CUBIC;
+
+/// φ(1−φ) below which an element or a node has no interface.
+pub const OUTER: f64 = 1e-4;
+/// φ(1−φ) from which on it has one fully.
+const INNER: f64 = 1e-3;
+/// |ψ| ≤ CLIP δ.
+const CLIP: f64 = 11.0;
+/// Range of ψ/δ over an element where the profile correction begins to fade, and where it is gone.
+const STEEP: [f64; 2] = [3.0, 6.0];
+
+/// 0 for `x ≤ 0`, 1 for `x ≥ 1`, once differentiable.
+#[inline]
+fn smoothstep(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// w(q): 0 without interface, 1 with.
+#[inline]
+pub fn window(q: f64) -> f64 {
+    smoothstep((q - OUTER) * (1.0 / (INNER - OUTER)))
+}
+
+/// ψ/δ, clipped.
+#[inline]
+pub fn logit(phi: f64) -> f64 {
+    let odds = phi / (1.0 - phi);
+    // φ ≤ 0 and φ ≥ 1 give odds ≤ 0 or infinite.
+    if phi >= 1.0 { CLIP } else { odds.max(1e-30).ln().clamp(-CLIP, CLIP) }
+}
+
+/// σ(s).
+#[inline]
+pub fn sigmoid(s: f64) -> f64 {
+    1.0 / (1.0 + (-s).exp())
+}
+
+/// What elements ask of a node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Node {
+    /// φ.
+    pub phi: f64,
+    /// φ(1−φ).
+    pub q: f64,
+    /// ψ/δ; valid where `q > OUTER`.
+    pub s: f64,
+    /// e^{−b s} and e^{−(1−4b) s} of both orbits; valid where `q > OUTER`.
+    powers: [f64; 4],
+}
+
+/// φ at the nodes, prepared for the element loops.
+#[derive(Clone, Debug, Default)]
+pub struct Profile {
+    /// One for each local node.
+    pub nodes: Vec<Node>,
+}
+
+impl Profile {
+    /// Of these nodal values; `powers` only if moments will be asked for.
+    pub fn set(&mut self, phi: &[f64], powers: bool) {
+        self.nodes.resize(phi.len(), Node::default());
+        for (node, &phi) in self.nodes.iter_mut().zip(phi) {
+            (node.phi, node.q) = (phi, phi * (1.0 - phi));
+            if node.q > OUTER {
+                node.s = logit(phi);
+                if powers {
+                    for (o, (b, _)) in TETRAHEDRON_CUBIC.iter().enumerate() {
+                        node.powers[2 * o] = (-b * node.s).exp();
+                        node.powers[2 * o + 1] = ((4.0 * b - 1.0) * node.s).exp();
+                    }
+                }
+            }
+        }
+    }
+
+    /// The element's nodes if the interface reaches it.
+    #[inline]
+    pub fn in_band(&self, tet: &[u32; 4]) -> Option<[&Node; 4]> {
+        let n = tet.map(|n| &self.nodes[n as usize]);
+        let q = n[0].q.min(n[1].q).min(n[2].q.min(n[3].q));
+        (q > OUTER).then_some(n)
+    }
+}
+
+/// Integrals over an element of unit volume.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moments {
+    /// ∫ N_i (φ* − φ_h).
+    pub excess: [f64; 4],
+    /// w ∫ σ(1−σ): `∫ ∇φ* = slope ∇ψ/δ + (1−w) ∇φ_h`.
+    pub slope: f64,
+    /// w.
+    pub w: f64,
+}
+
+/// w of an element in the band.
+#[inline]
+pub fn profile_weight(n: [&Node; 4]) -> f64 {
+    let q = n[0].q.min(n[1].q).min(n[2].q.min(n[3].q));
+    let s = n.map(|n| n.s);
+    let range = s[0].max(s[1]).max(s[2].max(s[3])) - s[0].min(s[1]).min(s[2].min(s[3]));
+    window(q) * smoothstep((STEEP[1] - range) * (1.0 / (STEEP[1] - STEEP[0])))
+}
+
+/// Of an element in the band; `None` if w = 0.
+#[inline]
+pub fn moments(n: [&Node; 4]) -> Option<Moments> {
+    let w = profile_weight(n);
+    if w == 0.0 {
+        return None;
+    }
+    // ∫ N_i σ, and Σ_i of the same.
+    let (mut sigma, mut slope) = ([0.0; 4], 0.0);
+    for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
+        let common = n[0].powers[2 * o]
+            * n[1].powers[2 * o]
+            * (n[2].powers[2 * o] * n[3].powers[2 * o]);
+        let value = n.map(|n| 1.0 / (1.0 + common * n.powers[2 * o + 1]));
+        let sum = value[0] + value[1] + (value[2] + value[3]);
+        for k in 0..4 {
+            sigma[k] += weight * (b * sum + (1.0 - 4.0 * b) * value[k]);
+            slope += weight * value[k] * (1.0 - value[k]);
+        }
+    }
+    let chord = n[0].phi + n[1].phi + (n[2].phi + n[3].phi);
+    let excess =
+        std::array::from_fn(|i| w * (sigma[i] - (1.0 / 20.0) * (chord + n[i].phi)));
+    Some(Moments { excess, slope: w * slope, w })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn element(s: [f64; 4]) -> Moments {
+        let mut profile = Profile::default();
+        profile.set(&s.map(sigmoid), true);
+        moments(profile.in_band(&[0, 1, 2, 3]).unwrap()).unwrap()
+    }
+
+    /// ∫ over the unit-volume tetrahedron by Gauss points of a collapsed cube, exact to degree 9.
+    fn reference(f: impl Fn([f64; 4]) -> f64) -> f64 {
+        let gauss = [
+            (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+            (0.230_765_344_947_158_4, 0.239_314_335_249_683_2),
+            (0.5, 0.284_444_444_444_444_4),
+            (0.769_234_655_052_841_6, 0.239_314_335_249_683_2),
+            (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+        ];
+        let mut sum = 0.0;
+        for (r, wr) in gauss {
+            for (s, ws) in gauss {
+                for (t, wt) in gauss {
+                    let l = [1.0 - r, r * (1.0 - s), r * s * (1.0 - t), r * s * t];
+                    sum += 6.0 * wr * ws * wt * r * r * s * f(l);
+                }
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn moments_match_a_fine_quadrature() {
+        for s in [[0.3, -0.2, 0.7, -0.9], [2.0, 1.2, 2.5, 3.1], [-1.0, -2.2, -0.4, -1.5]] {
+            let m = element(s);
+            let at = |l: [f64; 4]| sigmoid((0..4).map(|i| l[i] * s[i]).sum());
+            for i in 0..4 {
+                let exact = reference(|l| {
+                    l[i] * (at(l) - (0..4).map(|j| l[j] * sigmoid(s[j])).sum::<f64>())
+                });
+                assert!((m.excess[i] - exact).abs() < 4e-5, "{} {exact}", m.excess[i]);
+            }
+            let exact = reference(|l| at(l) * (1.0 - at(l)));
+            assert!((m.slope - exact).abs() < 2e-4 * exact, "{} {exact}", m.slope);
+        }
+    }
+
+    #[test]
+    fn a_constant_has_no_excess_and_a_distant_element_no_moments() {
+        let m = element([0.4; 4]);
+        assert!(m.excess.iter().all(|x| x.abs() < 1e-16));
+        let mut profile = Profile::default();
+        profile.set(&[1.0, 0.5, -1e-9, 1.0 + 1e-9], true);
+        assert!(profile.in_band(&[0, 1, 2, 3]).is_none());
+        assert!(profile.in_band(&[1, 1, 1, 1]).is_some());
+    }
+
+    #[test]
+    fn logit_is_clipped_at_both_ends() {
+        assert_eq!(logit(0.0), -CLIP);
+        assert_eq!(logit(-0.3), -CLIP);
+        assert_eq!(logit(1.0), CLIP);
+        assert_eq!(logit(1.2), CLIP);
+        assert!((sigmoid(logit(0.3)) - 0.3).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,135 @@
+//! Connected bodies of water: nodes with φ > ½ joined by element edges, and the band around each.
+//!
+//! A body's name is its smallest global node number, so it does not depend on the ranks. Names are
+//! found by union-find on each rank, then by passing owners' names to ghosts until nothing changes: an
+//! edge that joins two ranks' nodes is seen by both. The band (φ(1−φ) above its outer limit) is added
+//! node layer by node layer, each node joining its wettest named neighbour.
+
+use super::profile::OUTER;
+use crate::linear::BlockCsr;
+use crate::mesh::MeshPart;
+
+/// The name of no body: air, and spray that is nowhere wetter than ½.
+pub const NONE: u64 = u64::MAX;
+
+/// The body of each local node. Collective.
+pub fn bodies_of_water(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
+    let mut names = connected(part, graph, phi);
+    add_band(part, graph, phi, &mut names);
+    names
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+fn connected(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
+    let n = part.n_local();
+    let wet = |i: usize| phi[i] > 0.5;
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    for i in (0..part.n_owned()).filter(|&i| wet(i)) {
+        for &j in &graph.columns[graph.row(i)] {
+            if wet(j as usize) {
+                let (a, b) = (root(&mut parent, i as u32), root(&mut parent, j));
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    for i in 0..n as u32 {
+        parent[i as usize] = root(&mut parent, i);
+    }
+    let mut names: Vec<u64> =
+        (0..n).map(|i| if wet(i) { part.nodes.global[i] } else { NONE }).collect();
+    loop {
+        // Roots come before their members.
+        for i in 0..n {
+            let r = parent[i] as usize;
+            names[r] = names[r].min(names[i]);
+        }
+        for i in 0..n {
+            names[i] = names[parent[i] as usize];
+        }
+        let ghosts = names[part.n_owned()..].to_vec();
+        part.exchange.update_ghosts(&mut names);
+        if !part.comm.any(ghosts != names[part.n_owned()..]) {
+            return names;
+        }
+    }
+}
+
+fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {
+    let mut dry: Vec<u32> = (0..part.n_owned() as u32)
+        .filter(|&i| names[i as usize] == NONE && {
+            let phi = phi[i as usize];
+            phi * (1.0 - phi) > OUTER
+        })
+        .collect();
+    let mut joined = Vec::new();
+    loop {
+        joined.clear();
+        dry.retain(|&i| {
+            let mut best: Option<(f64, u64)> = None;
+            for &j in &graph.columns[graph.row(i as usize)] {
+                let name = names[j as usize];
+                let candidate = (phi[j as usize], name);
+                let better = best.is_none_or(|b| {
+                    candidate.0 > b.0 || (candidate.0 == b.0 && candidate.1 < b.1)
+                });
+                if name != NONE && better {
+                    best = Some(candidate);
+                }
+            }
+            if let Some((_, name)) = best {
+                joined.push((i, name));
+            }
+            best.is_none()
+        });
+        if !part.comm.any(!joined.is_empty()) {
+            return;
+        }
+        for &(i, name) in &joined {
+            names[i as usize] = name;
+        }
+        part.exchange.update_ghosts(names);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::boxes::tensor_box;
+
+    #[test]
+    fn two_drops_and_spray_are_told_apart_and_the_band_goes_to_the_nearer() {
+        let x: Vec<f64> = (0..=40).map(|i| i as f64).collect();
+        let part = MeshPart::single(tensor_box([&x, &[0.0, 1.0, 2.0], &[0.0, 1.0]]));
+        let (graph, _) = BlockCsr::<1>::of_mesh(&part.mesh, part.n_owned());
+        let phi: Vec<f64> = part
+            .mesh
+            .nodes
+            .iter()
+            .map(|p| match p[0] {
+                x if (4.0..=8.0).contains(&x) => 0.9,
+                x if (14.0..=20.0).contains(&x) => 0.8,
+                x if (9.0..=12.0).contains(&x) => 0.2,
+                13.0 => 0.3,
+                x if (30.0..=32.0).contains(&x) => 0.4,
+                _ => 0.0,
+            })
+            .collect();
+        let names = bodies_of_water(&part, &graph, &phi);
+        for (p, &name) in part.mesh.nodes.iter().zip(&names) {
+            // Middle of the dry stretch: each side's front advances a layer at a time.
+            let expected = match p[0] as u64 {
+                4..=10 => 4,
+                11..=20 => 14,
+                _ => NONE,
+            };
+            assert_eq!(name, expected, "x = {}", p[0]);
+        }
+    }
+}
