@@ -159,27 +159,29 @@ impl Phase {
     /// `inflow` are those of the present φ and the last step.
     fn follow_bodies(&mut self, part: &MeshPart) {
         let names = bodies_of_water(part, &self.solver.matrix, &self.phi);
-        // (old, new) → present volume, inflow.
-        let mut shared = BTreeMap::<(u64, u64), [f64; 2]>::new();
+        // (old, new) → present volume, its positive part (shares must be), inflow.
+        let mut shared = BTreeMap::<(u64, u64), [f64; 3]>::new();
         for i in 0..part.n_owned() {
             let volume = self.nodal_volume[i];
             if volume != 0.0 || self.inflow[i] != 0.0 || names[i] != NONE {
                 let entry = shared.entry((self.ledger.names[i], names[i])).or_default();
-                entry[0] += volume.max(0.0);
-                entry[1] += self.inflow[i];
+                entry[0] += volume;
+                entry[1] += volume.max(0.0);
+                entry[2] += self.inflow[i];
             }
         }
-        let mine: Vec<_> = shared.iter().map(|(k, v)| (k.0, k.1, v[0], v[1])).collect();
+        let mine: Vec<_> = shared.iter().map(|(k, v)| (*k, *v)).collect();
         shared.clear();
-        for (old, new, volume, inflow) in part.comm.all_gather(&mine).into_iter().flatten() {
-            let entry = shared.entry((old, new)).or_default();
-            entry[0] += volume;
-            entry[1] += inflow;
+        for (key, values) in part.comm.all_gather(&mine).into_iter().flatten() {
+            let entry = shared.entry(key).or_default();
+            for (sum, value) in entry.iter_mut().zip(values) {
+                *sum += value;
+            }
         }
         let mut left = BTreeMap::<u64, f64>::new();
         let mut present = BTreeMap::<u64, f64>::new();
         for (&(old, new), v) in &shared {
-            *left.entry(old).or_default() += v[0];
+            *left.entry(old).or_default() += v[1];
             *present.entry(new).or_default() += v[0];
         }
         let mut old: BTreeMap<u64, f64> =
@@ -188,9 +190,9 @@ impl Phase {
         let mut target: BTreeMap<u64, f64> = present.keys().map(|&name| (name, 0.0)).collect();
         target.entry(NONE).or_default();
         for (&(from, to), v) in &shared {
-            let share = if left[&from] > 0.0 { v[0] / left[&from] } else { 0.0 };
+            let share = if left[&from] > 0.0 { v[1] / left[&from] } else { 0.0 };
             let entry = target.get_mut(&to).expect("every new name has an account");
-            *entry += v[1] + share * old.get(&from).copied().unwrap_or(0.0);
+            *entry += v[2] + share * old.get(&from).copied().unwrap_or(0.0);
         }
         // What vanished without a trace is spray.
         for (from, volume) in old {
