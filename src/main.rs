@@ -33,6 +33,7 @@ struct Arguments {
     schema: bool,
 }
 
+const RUN_FAILED: u8 = 1;
 const BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
@@ -64,8 +65,26 @@ fn main() -> ExitCode {
             return ExitCode::from(BAD_INPUT);
         }
     };
-    if first && !arguments.quiet {
-        println!("{}", case.title);
+    let options = fcm_fsi::simulation::Options {
+        out: arguments.out.unwrap_or("results".into()),
+        restart: arguments.restart,
+        steps: arguments.steps,
+        quiet: arguments.quiet,
+    };
+    let mut s = match fcm_fsi::simulation::Simulation::new(case, &comm) {
+        Ok(s) => s,
+        Err(e) => {
+            if first {
+                eprintln!("error: {e}");
+            }
+            return ExitCode::from(BAD_INPUT);
+        }
+    };
+    if let Err(e) = s.run(&options) {
+        if first {
+            eprintln!("error: {e}");
+        }
+        return ExitCode::from(RUN_FAILED);
     }
     ExitCode::SUCCESS
 }

@@ -29,3 +29,21 @@ pub fn triangle_normal(x: [[f64; 3]; 3]) -> [f64; 3] {
         0.5 * (a[0] * b[1] - a[1] * b[0]),
     ]
 }
+
+/// Largest `|u·∇N_i|` over the domain [1/s]: times Δt, the Courant number. It counts cells along the
+/// flow, whatever their shape. Collective.
+pub fn courant_rate(part: &crate::mesh::MeshPart, velocity: &[[f64; 3]]) -> f64 {
+    let mut rate = 0.0f64;
+    for (e, tet) in part.mesh.tets[..part.n_owned_elements].iter().enumerate() {
+        let t = tetrahedron::Tetrahedron::of(&part.mesh, e);
+        let mut u = [0.0; 3];
+        for &n in tet {
+            let v = velocity[n as usize];
+            u = std::array::from_fn(|k| u[k] + 0.25 * v[k]);
+        }
+        for g in t.grad {
+            rate = rate.max(dot(u, g).abs());
+        }
+    }
+    part.max(rate)
+}

@@ -70,6 +70,15 @@ impl<const B: usize> BlockCsr<B> {
         (matrix, slots)
     }
 
+    /// Zero matrix with the pattern of another.
+    pub fn with_pattern_of<const C: usize>(other: &BlockCsr<C>) -> Self {
+        Self {
+            row_start: other.row_start.clone(),
+            columns: other.columns.clone(),
+            values: vec![[[0.0; B]; B]; other.columns.len()],
+        }
+    }
+
     /// Rows.
     pub fn n_rows(&self) -> usize {
         self.row_start.len() - 1

@@ -3,8 +3,8 @@
 pub mod balance;
 pub mod boxes;
 pub mod error;
-pub mod grading;
 mod faces;
+pub mod grading;
 pub mod import;
 mod order;
 pub mod part;

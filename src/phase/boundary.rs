@@ -41,8 +41,7 @@ pub fn face_flux(
     for (l, weight) in TRIANGLE_QUARTIC {
         let at = |f: [f64; 3]| l[0] * f[0] + l[1] * f[1] + l[2] * f[2];
         let chord = at(nodes.map(|n| n.phi));
-        let excess =
-            if w > 0.0 { w * (sigmoid(at(nodes.map(|n| n.s))) - chord) } else { 0.0 };
+        let excess = if w > 0.0 { w * (sigmoid(at(nodes.map(|n| n.s))) - chord) } else { 0.0 };
         let f = match what {
             OpenFace::Chord => chord,
             OpenFace::Excess => excess,

@@ -11,6 +11,7 @@
 //! May name `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
 
 pub mod boundary;
+pub mod inflow;
 pub mod initial;
 mod plain;
 pub mod profile;
@@ -170,8 +171,7 @@ impl Phase {
             .map(|i| dot(velocity[i], velocity[i]))
             .fold(0.0, f64::max);
         let speed = self.mobility * part.max(top).sqrt();
-        let transport =
-            transport::step(self, part, dt, velocity, fine_scale, inflow, speed)?;
+        let transport = transport::step(self, part, dt, velocity, fine_scale, inflow, speed)?;
         let sub_steps =
             if self.form == Form::Psi { regularise::sub_steps(self, part, dt, speed) } else { 0 };
         Ok(Advance { transport, speed, sub_steps })

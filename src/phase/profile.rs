@@ -124,9 +124,8 @@ pub fn moments(n: [&Node; 4]) -> Option<Moments> {
     // ∫ N_i σ, and Σ_i of the same.
     let (mut sigma, mut slope) = ([0.0; 4], 0.0);
     for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
-        let common = n[0].powers[2 * o]
-            * n[1].powers[2 * o]
-            * (n[2].powers[2 * o] * n[3].powers[2 * o]);
+        let common =
+            n[0].powers[2 * o] * n[1].powers[2 * o] * (n[2].powers[2 * o] * n[3].powers[2 * o]);
         let value = n.map(|n| 1.0 / (1.0 + common * n.powers[2 * o + 1]));
         let sum = value[0] + value[1] + (value[2] + value[3]);
         for k in 0..4 {
@@ -135,8 +134,7 @@ pub fn moments(n: [&Node; 4]) -> Option<Moments> {
         }
     }
     let chord = n[0].phi + n[1].phi + (n[2].phi + n[3].phi);
-    let excess =
-        std::array::from_fn(|i| w * (sigma[i] - (1.0 / 20.0) * (chord + n[i].phi)));
+    let excess = std::array::from_fn(|i| w * (sigma[i] - (1.0 / 20.0) * (chord + n[i].phi)));
     Some(Moments { excess, slope: w * slope, w })
 }
 

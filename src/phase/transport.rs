@@ -32,7 +32,7 @@ use crate::fem::tetrahedron::Tetrahedron;
 use crate::linear::block_csr::ElementSlots;
 use crate::linear::relaxation::SymmetricGaussSeidel;
 use crate::linear::{
-    BlockCsr, Diverged, DistributedOperator, Halo, KrylovSettings, OwnedProduct, Workspace, fgmres,
+    BlockCsr, DistributedOperator, Diverged, Halo, KrylovSettings, OwnedProduct, Workspace, fgmres,
 };
 use crate::mesh::MeshPart;
 
@@ -90,9 +90,8 @@ impl Convection {
             t.grad.map(|g| dot(u, g))
         });
         let mean = std::array::from_fn(|j| 0.25 * (b[0][j] + b[1][j] + b[2][j] + b[3][j]));
-        let um: [f64; 3] = std::array::from_fn(|c| {
-            0.25 * (u[0][c] + u[1][c] + u[2][c] + u[3][c]) - fine[c]
-        });
+        let um: [f64; 3] =
+            std::array::from_fn(|c| 0.25 * (u[0][c] + u[1][c] + u[2][c] + u[3][c]) - fine[c]);
         let h = t.size();
         let tau = 1.0 / (4.0 / (dt * dt) + 4.0 * dot(um, um) / (h * h)).sqrt();
         Self { b, mean, tau }
@@ -243,8 +242,7 @@ fn assemble(
             let supg = t.volume * c.tau * c.mean[i];
             let diffusion = gamma_delta * t.volume;
             let galerkin = (0..4).map(|j| (4.0 * c.mean[j] + c.b[i][j]) * phi[j]).sum::<f64>();
-            constant[n[i]] +=
-                dt * (m * galerkin + supg * along + diffusion * dot(t.grad[i], grad));
+            constant[n[i]] += dt * (m * galerkin + supg * along + diffusion * dot(t.grad[i], grad));
             let scale = phase.inverse_lumped[n[i]];
             for j in 0..4 {
                 let mass = if i == j { 2.0 * m } else { m } + 0.25 * supg;

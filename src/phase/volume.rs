@@ -254,8 +254,7 @@ impl Phase {
             }
             for &(i, body, _) in &band {
                 let phi = self.phi[i as usize];
-                sums[n + body as usize] +=
-                    self.lumped[i as usize] * phi * (1.0 - phi) / self.delta;
+                sums[n + body as usize] += self.lumped[i as usize] * phi * (1.0 - phi) / self.delta;
             }
             part.comm.sum_all(&mut sums);
             if iteration == 0 {

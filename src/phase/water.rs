@@ -63,9 +63,11 @@ fn connected(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
 
 fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {
     let mut dry: Vec<u32> = (0..part.n_owned() as u32)
-        .filter(|&i| names[i as usize] == NONE && {
-            let phi = phi[i as usize];
-            phi * (1.0 - phi) > OUTER
+        .filter(|&i| {
+            names[i as usize] == NONE && {
+                let phi = phi[i as usize];
+                phi * (1.0 - phi) > OUTER
+            }
         })
         .collect();
     let mut joined = Vec::new();
@@ -76,9 +78,8 @@ fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]
             for &j in &graph.columns[graph.row(i as usize)] {
                 let name = names[j as usize];
                 let candidate = (phi[j as usize], name);
-                let better = best.is_none_or(|b| {
-                    candidate.0 > b.0 || (candidate.0 == b.0 && candidate.1 < b.1)
-                });
+                let better = best
+                    .is_none_or(|b| candidate.0 > b.0 || (candidate.0 == b.0 && candidate.1 < b.1));
                 if name != NONE && better {
                     best = Some(candidate);
                 }

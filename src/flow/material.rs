@@ -1,0 +1,183 @@
+//! Density, viscosity and gravity of one element.
+//!
+//! `ρ = ρ_l φ + ρ_g (1−φ)`, `μ` alike [12,13], φ clipped to [0,1]. Gravity in edge form: the force
+//! `ρg` is interpolated in Whitney's edge elements from `E_ij = ∫_edge ρ g·dl = ρ̄_ij g·(x_j − x_i)`,
+//!
+//!     ρ̄_ij = ρ_g + (ρ_l−ρ_g) [I(ψ_j) − I(ψ_i)]/(ψ_j − ψ_i),   I(s) = δ ln(1 + e^{s/δ}),
+//!     F_e = ¼ Σ_{i<j} E_ij (∇N_j − ∇N_i).
+//!
+//! Where the surface is flat, E is the difference of a nodal function and F_e its gradient, exactly,
+//! on any mesh: still water stays still. The element's inertia density is the mean of the six ρ̄_ij.
+
+use crate::case::{self, Case, Fluid};
+use crate::fem::dot;
+use crate::fem::tetrahedron::Tetrahedron;
+
+/// ψ is used up to this many δ from the surface, where φ differs from 0 or 1 by 1e-13.
+const CLIP: f64 = 30.0;
+
+/// What the fluids are, and their state at the nodes.
+#[derive(Clone, Debug)]
+pub struct Material {
+    liquid: Fluid,
+    gas: Fluid,
+    gravity: [f64; 3],
+    form: case::Gravity,
+    /// φ clipped to [0, 1].
+    phi: Vec<f64>,
+    /// ψ/δ, and I(ψ)/δ.
+    psi: Vec<f64>,
+    integral: Vec<f64>,
+}
+
+/// One element's material, constant in it but for the viscosity's gradient.
+#[derive(Clone, Copy, Debug)]
+pub struct ElementMaterial {
+    /// Inertia density [kg/m³].
+    pub rho: f64,
+    /// Mean viscosity [Pa s].
+    pub mu: f64,
+    /// ∇μ [Pa s/m].
+    pub grad_mu: [f64; 3],
+    /// Gravity force per volume that node i's momentum row sees [N/m³]; all four the same in edge
+    /// form. Their mean is the force in the stabilisation terms.
+    pub force: [[f64; 3]; 4],
+}
+
+impl Material {
+    /// Liquid everywhere, on `n` nodes.
+    pub fn new(case: &Case, n: usize) -> Self {
+        Self {
+            liquid: case.liquid,
+            gas: case.gas.unwrap_or(case.liquid),
+            gravity: case.gravity,
+            form: case.flow.gravity,
+            phi: vec![1.0; n],
+            psi: vec![CLIP; n],
+            integral: vec![CLIP; n],
+        }
+    }
+
+    /// Takes over the phase field's nodal values.
+    pub fn set_phase(&mut self, phi: &[f64]) {
+        for (i, &value) in phi.iter().enumerate() {
+            let phi = value.clamp(0.0, 1.0);
+            // NaN is passed on, to be found by the solver.
+            let psi = (phi / (1.0 - phi)).ln().clamp(-CLIP, CLIP);
+            self.phi[i] = phi;
+            self.psi[i] = psi;
+            self.integral[i] = psi.max(0.0) + (-psi.abs()).exp().ln_1p();
+        }
+    }
+
+    /// Density at node `i` [kg/m³].
+    pub fn density(&self, i: usize) -> f64 {
+        self.gas.density + (self.liquid.density - self.gas.density) * self.phi[i]
+    }
+
+    /// Mean density of the edge i-j [kg/m³].
+    #[inline]
+    fn edge_density(&self, i: usize, j: usize) -> f64 {
+        let step = self.psi[j] - self.psi[i];
+        let liquid = if step.abs() > 1e-4 {
+            (self.integral[j] - self.integral[i]) / step
+        } else {
+            // φ at the mean ψ: the mean of φ to O(step²/24) ~ 1e-9.
+            1.0 / (1.0 + (-0.5 * (self.psi[i] + self.psi[j])).exp())
+        };
+        self.gas.density + (self.liquid.density - self.gas.density) * liquid
+    }
+
+    /// Of the element with these nodes and corners.
+    #[inline]
+    pub fn element(&self, tet: &[u32; 4], x: &[[f64; 3]; 4], t: &Tetrahedron) -> ElementMaterial {
+        let n = tet.map(|n| n as usize);
+        let phi = n.map(|i| self.phi[i]);
+        let dmu = self.liquid.viscosity - self.gas.viscosity;
+        let mu = self.gas.viscosity + dmu * 0.25 * (phi[0] + phi[1] + phi[2] + phi[3]);
+        let pure = phi.iter().all(|&p| p == phi[0]);
+        if pure {
+            let rho = self.density(n[0]);
+            let force = self.gravity.map(|g| rho * g);
+            return ElementMaterial { rho, mu, grad_mu: [0.0; 3], force: [force; 4] };
+        }
+        let grad_mu = t.gradient(phi).map(|g| dmu * g);
+        match self.form {
+            case::Gravity::Edge => {
+                let mut rho = 0.0;
+                let mut force = [0.0; 3];
+                for i in 0..3 {
+                    for j in i + 1..4 {
+                        let edge = self.edge_density(n[i], n[j]);
+                        rho += edge / 6.0;
+                        let along: [f64; 3] = std::array::from_fn(|k| x[j][k] - x[i][k]);
+                        let e = 0.25 * edge * dot(self.gravity, along);
+                        for k in 0..3 {
+                            force[k] += e * (t.grad[j][k] - t.grad[i][k]);
+                        }
+                    }
+                }
+                ElementMaterial { rho, mu, grad_mu, force: [force; 4] }
+            }
+            case::Gravity::Quadrature => {
+                let nodal = n.map(|i| self.density(i));
+                let sum: f64 = nodal.iter().sum();
+                // ∫N_i ρ_h over V/4: (Σρ + ρ_i)/5.
+                let force = nodal.map(|r| self.gravity.map(|g| (sum + r) / 5.0 * g));
+                ElementMaterial { rho: 0.25 * sum, mu, grad_mu, force }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn water_and_air(form: case::Gravity, g: [f64; 3], phi: Vec<f64>) -> Material {
+        let mut material = Material {
+            liquid: Fluid { density: 1000.0, viscosity: 1e-3 },
+            gas: Fluid { density: 1.0, viscosity: 1e-5 },
+            gravity: g,
+            form,
+            phi: phi.clone(),
+            psi: phi.clone(),
+            integral: phi.clone(),
+        };
+        material.set_phase(&phi);
+        material
+    }
+
+    /// Hydrostatic pressure of the tanh profile: P(ψ) = ∫ρ dψ, and F_e must be |g| times its
+    /// interpolant's gradient on any tetrahedron, whatever the slope of the flat surface.
+    #[test]
+    fn edge_force_is_the_gradient_of_hydrostatic_pressure() {
+        let delta = 0.3;
+        let g = [3.0, -1.0, -9.0];
+        let up = g.map(|v| -v / crate::fem::norm(g));
+        let x = [[0.1, 0.0, 0.2], [0.7, 0.1, 0.0], [0.2, 0.6, -0.1], [0.0, 0.3, 0.8]];
+        let t = Tetrahedron::new(x);
+        let psi = x.map(|p| 0.25 - dot(up, p));
+        let phi = psi.map(|s| 0.5 * (1.0 + (s / (2.0 * delta)).tanh())).to_vec();
+        let material = water_and_air(case::Gravity::Edge, g, phi);
+        let m = material.element(&[0, 1, 2, 3], &x, &t);
+        let pressure =
+            psi.map(|s| crate::fem::norm(g) * (s + 999.0 * delta * (s / delta).exp().ln_1p()));
+        let expected = t.gradient(pressure);
+        for k in 0..3 {
+            assert!((m.force[0][k] - expected[k]).abs() < 1e-9 * 9000.0);
+        }
+        assert!(m.rho > 1.0 && m.rho < 1000.0);
+    }
+
+    #[test]
+    fn pure_elements_weigh_rho_g() {
+        let x = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+        let t = Tetrahedron::new(x);
+        for (value, rho) in [(1.0, 1000.0), (0.0, 1.0)] {
+            let m = water_and_air(case::Gravity::Edge, [0., 0., -10.], vec![value; 4]);
+            let e = m.element(&[0, 1, 2, 3], &x, &t);
+            assert_eq!((e.rho, e.force[2]), (rho, [0., 0., -10. * rho]));
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! Incompressible two-fluid flow on P1/P1 tetrahedra: `ρ(∂t u + u·∇u − g) − ∇·σ = 0`, `∇·u = 0`
+//! (Takase et al. 2015, [1-10]).
+//!
+//! - `stabilisation`: τ and τ_c.
+//! - `material`: densities, viscosities and the gravity force of an element.
+//! - `weak_form`: what one element adds to the linear system of a step.
+//! - `open_boundary`: what a face with given pressure adds.
+//! - `step`: state, assembly, solve, fine-scale velocity.
+//!
+//! May name `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
+//! of the phase field only its values.
+
+pub mod material;
+pub mod open_boundary;
+pub mod stabilisation;
+pub mod step;
+pub mod weak_form;
+
+pub use material::Material;
+pub use step::{Flow, FlowReport};

@@ -1,0 +1,35 @@
+//! Stabilisation parameters, the paper's [6-10].
+
+/// τ = [ (2/Δt)² + (2|u|/h)² + (4ν/h²)² ]^(-1/2)  [s]
+#[inline]
+pub fn tau(dt: f64, speed: f64, h: f64, nu: f64) -> f64 {
+    let (a, b, c) = (2.0 / dt, 2.0 * speed / h, 4.0 * nu / (h * h));
+    1.0 / (a * a + b * b + c * c).sqrt()
+}
+
+/// τ_c = (h/2) |u| ξ(Re_e), Re_e = |u| h/(2ν), ξ = Re_e/3 up to 3, else 1  [m²/s].
+/// Zero viscosity is Re_e = ∞, zero velocity gives zero.
+#[inline]
+pub fn tau_c(speed: f64, h: f64, nu: f64) -> f64 {
+    // Re_e / 3 as a quotient that is compared before it is divided: ν = 0 is legal.
+    let (re, three) = (speed * h, 6.0 * nu);
+    let xi = if re < three { re / three } else { 1.0 };
+    0.5 * h * speed * xi
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_of_the_parameters() {
+        let (dt, h) = (0.01, 0.1);
+        assert!((tau(dt, 0.0, h, 0.0) - dt / 2.0).abs() < 1e-16);
+        assert!((tau(1e30, 3.0, h, 0.0) - h / 6.0).abs() < 1e-16);
+        assert!((tau(1e30, 0.0, h, 2.0) - h * h / 8.0).abs() < 1e-16);
+        assert_eq!(tau_c(0.0, h, 0.0), 0.0);
+        assert_eq!(tau_c(2.0, h, 0.0), 0.1);
+        // Re_e = 2·0.1/(2·0.1) = 1: ξ = 1/3.
+        assert!((tau_c(2.0, h, 0.1) - 0.1 / 3.0).abs() < 1e-16);
+    }
+}

@@ -1,0 +1,424 @@
+//! The flow's state, and one step of it: assemble, impose the boundary conditions, solve.
+//!
+//! Time: `u` at tⁿ, `p` at the middle of the last step. The first two steps are implicit Euler.
+
+use super::material::Material;
+use super::open_boundary::OpenFace;
+use super::weak_form::Element;
+use crate::case::{Boundary, Case, Formula};
+use crate::fem::constraints::{Constraints, FREE};
+use crate::fem::tetrahedron::Tetrahedron;
+use crate::linear::block_csr::ElementSlots;
+use crate::linear::{
+    BlockCsr, Converged, DistributedOperator, Diverged, Halo, InnerProduct, KrylovSettings,
+    OwnedProduct, SchurPreconditioner, Workspace, fgmres, residual_weights,
+};
+use crate::mesh::MeshPart;
+use std::time::{Duration, Instant};
+
+/// Steps that are implicit Euler before Crank-Nicolson takes over.
+const START_STEPS: u64 = 2;
+/// Tolerance of those first steps, which start from no pressure at all.
+const START_TOLERANCE: f64 = 1e-8;
+/// A residual this small beside the right-hand side is rounding.
+const FLOOR: f64 = 1e-13;
+/// Preconditioned directions kept before a restart.
+const RESTART: u32 = 15;
+
+/// State and system of the flow on this rank.
+pub struct Flow {
+    /// uⁿ at local nodes [m/s].
+    pub u: Vec<[f64; 3]>,
+    /// uⁿ⁻¹ [m/s].
+    pub u_old: Vec<[f64; 3]>,
+    /// p at n−½ [Pa].
+    pub p: Vec<f64>,
+    /// Fine-scale velocity u' of each local element in the last step [m/s].
+    pub fine_scale: Vec<[f64; 3]>,
+    /// Length of the last step [s].
+    pub dt_old: f64,
+    /// Steps done.
+    pub steps: u64,
+    /// What the boundaries fix.
+    pub constraints: Constraints,
+    tolerance: f64,
+    max_iterations: u32,
+    picard: u32,
+    body_force: Option<[Formula; 3]>,
+    open_faces: Vec<(u32, [u32; 3])>,
+    matrix: BlockCsr<4>,
+    pressure: BlockCsr<1>,
+    slots: ElementSlots,
+    constrained_entries: Vec<(u32, u32, u32)>,
+    rhs: Vec<[f64; 4]>,
+    x: Vec<[f64; 4]>,
+    a: Vec<[f64; 3]>,
+    nodal_force: Vec<[f64; 3]>,
+    halo: Halo,
+    weights: Vec<f64>,
+    preconditioner: SchurPreconditioner,
+    workspace: Workspace,
+}
+
+/// What a step cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FlowReport {
+    /// Solver iterations, all Picard passes together.
+    pub iterations: u32,
+    /// Residual of the previous step's solution, and the last one.
+    pub initial_residual: f64,
+    /// Residual at the end.
+    pub residual: f64,
+    /// Time for element matrices.
+    pub assembly: Duration,
+    /// Time for preconditioner and solve.
+    pub solve: Duration,
+}
+
+impl Flow {
+    /// At rest or with the given velocity, pressure unknown. Collective.
+    pub fn new(case: &Case, part: &MeshPart, u: Vec<[f64; 3]>) -> Self {
+        let n = part.n_local();
+        assert_eq!(u.len(), n, "one velocity per local node");
+        let constraints = Constraints::new(case, part);
+        let (matrix, slots) = BlockCsr::<4>::of_mesh(&part.mesh, part.n_owned());
+        let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
+        let mut constrained_entries = Vec::new();
+        for i in 0..matrix.n_rows() {
+            for entry in matrix.row(i) {
+                let j = matrix.columns[entry];
+                let (ci, cj) = (&constraints.nodes[i], &constraints.nodes[j as usize]);
+                if !ci.is_free() || !cj.is_free() {
+                    constrained_entries.push((entry as u32, i as u32, j));
+                }
+            }
+        }
+        let open_faces = part
+            .mesh
+            .boundary
+            .iter()
+            .filter(|f| {
+                let name = &part.mesh.boundary_names[f.name as usize];
+                matches!(case.boundary(name), Boundary::Pressure { .. })
+            })
+            .map(|f| (f.element, f.nodes))
+            .collect();
+        let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix);
+        let preconditioner = SchurPreconditioner::new(&halo);
+        Self {
+            u_old: u.clone(),
+            u,
+            p: vec![0.0; n],
+            fine_scale: vec![[0.0; 3]; part.mesh.tets.len()],
+            dt_old: f64::INFINITY,
+            steps: 0,
+            constraints,
+            tolerance: case.solver.tolerance,
+            max_iterations: case.solver.max_iterations,
+            picard: case.flow.iterations.max(1),
+            body_force: case.body_force.clone(),
+            open_faces,
+            rhs: vec![[0.0; 4]; n],
+            x: vec![[0.0; 4]; n],
+            a: vec![[0.0; 3]; n],
+            nodal_force: Vec::new(),
+            matrix,
+            pressure,
+            slots,
+            constrained_entries,
+            halo,
+            weights: Vec::new(),
+            preconditioner,
+            workspace: Workspace::default(),
+        }
+    }
+
+    /// Advances u from `t` to `t + dt`, and p to the middle. Collective.
+    pub fn advance(
+        &mut self,
+        part: &MeshPart,
+        material: &Material,
+        t: f64,
+        dt: f64,
+    ) -> Result<FlowReport, Diverged> {
+        let starting = self.steps < START_STEPS;
+        let theta = if starting { 1.0 } else { 0.5 };
+        let ratio = 0.5 * dt / self.dt_old;
+        for (a, (u, old)) in self.a.iter_mut().zip(self.u.iter().zip(&self.u_old)) {
+            *a = std::array::from_fn(|k| u[k] + ratio * (u[k] - old[k]));
+        }
+        self.evaluate_body_force(part, t + theta * dt);
+
+        // The previous solution, with what the boundaries give at the new time, is the first guess.
+        let mut u = self.u.clone();
+        let mut p = self.p.clone();
+        self.constraints.impose(part, t + dt, t + 0.5 * dt, &mut u, &mut p);
+        for (x, (u, p)) in self.x.iter_mut().zip(u.iter().zip(&p)) {
+            *x = [u[0], u[1], u[2], *p];
+        }
+
+        let mut report = FlowReport::default();
+        for pass in 0..self.picard {
+            if pass > 0 {
+                for (a, (u, x)) in self.a.iter_mut().zip(self.u.iter().zip(&self.x)) {
+                    *a = std::array::from_fn(|k| 0.5 * (u[k] + x[k]));
+                }
+            }
+            let clock = Instant::now();
+            self.assemble(part, material, dt, theta);
+            self.constrain();
+            report.assembly += clock.elapsed();
+            let clock = Instant::now();
+            let solved = self.solve(starting)?;
+            report.solve += clock.elapsed();
+            report.iterations += solved.iterations;
+            if pass == 0 {
+                report.initial_residual = solved.initial;
+            }
+            report.residual = solved.residual;
+            part.exchange.update_ghosts(&mut self.x);
+        }
+
+        std::mem::swap(&mut self.u_old, &mut self.u);
+        for (x, (u, p)) in self.x.iter().zip(self.u.iter_mut().zip(&mut self.p)) {
+            *u = [x[0], x[1], x[2]];
+            *p = x[3];
+        }
+        self.find_fine_scale(part, material, dt, theta);
+        self.dt_old = dt;
+        self.steps += 1;
+        Ok(report)
+    }
+
+    /// Kinetic energy of this rank's elements [J].
+    pub fn kinetic_energy(&self, part: &MeshPart, material: &Material) -> f64 {
+        let mesh = &part.mesh;
+        let energy = |e: usize| {
+            let tet = &mesh.tets[e];
+            let x = tet.map(|n| mesh.nodes[n as usize]);
+            let t = Tetrahedron::new(x);
+            let u = tet.map(|n| self.u[n as usize]);
+            let mut square = 0.0;
+            for k in 0..3 {
+                let sum: f64 = (0..4).map(|i| u[i][k]).sum();
+                square += sum * sum + (0..4).map(|i| u[i][k] * u[i][k]).sum::<f64>();
+            }
+            0.5 * material.element(tet, &x, &t).rho * t.volume / 20.0 * square
+        };
+        part.sum((0..part.n_owned_elements).map(energy).sum())
+    }
+
+    fn element(
+        &self,
+        part: &MeshPart,
+        material: &Material,
+        e: usize,
+        dt: f64,
+        theta: f64,
+    ) -> Element {
+        let tet = &part.mesh.tets[e];
+        let x = tet.map(|n| part.mesh.nodes[n as usize]);
+        let geometry = Tetrahedron::new(x);
+        let mut material = material.element(tet, &x, &geometry);
+        if !self.nodal_force.is_empty() {
+            let f = tet.map(|n| self.nodal_force[n as usize]);
+            for k in 0..3 {
+                let sum = f[0][k] + f[1][k] + f[2][k] + f[3][k];
+                for i in 0..4 {
+                    material.force[i][k] += material.rho * (sum + f[i][k]) / 5.0;
+                }
+            }
+        }
+        let old = &self.u;
+        Element {
+            geometry,
+            material,
+            u: tet.map(|n| old[n as usize]),
+            a: tet.map(|n| self.a[n as usize]),
+            dt,
+            theta,
+        }
+    }
+
+    fn evaluate_body_force(&mut self, part: &MeshPart, t: f64) {
+        if let Some(force) = &self.body_force {
+            let at = |x: &[f64; 3]| std::array::from_fn(|k| force[k].at(*x, t));
+            self.nodal_force = part.mesh.nodes.iter().map(at).collect();
+        }
+    }
+
+    fn assemble(&mut self, part: &MeshPart, material: &Material, dt: f64, theta: f64) {
+        self.matrix.clear();
+        self.pressure.clear();
+        self.rhs.fill([0.0; 4]);
+        for e in 0..part.n_assembled_elements {
+            let system = self.element(part, material, e, dt, theta).system();
+            let tet = &part.mesh.tets[e];
+            for i in 0..4 {
+                if self.slots[e][4 * i] == u32::MAX {
+                    continue;
+                }
+                let rhs = &mut self.rhs[tet[i] as usize];
+                for k in 0..4 {
+                    rhs[k] += system.rhs[i][k];
+                }
+                for j in 0..4 {
+                    let slot = self.slots[e][4 * i + j] as usize;
+                    let block = &mut self.matrix.values[slot];
+                    let add = &system.matrix[4 * i + j];
+                    for r in 0..4 {
+                        for c in 0..4 {
+                            block[r][c] += add[r][c];
+                        }
+                    }
+                    self.pressure.values[slot][0][0] += system.pressure[4 * i + j];
+                }
+            }
+        }
+        self.assemble_open_faces(part, material, theta);
+    }
+
+    fn assemble_open_faces(&mut self, part: &MeshPart, material: &Material, theta: f64) {
+        let mesh = &part.mesh;
+        for &(e, nodes) in &self.open_faces {
+            let tet = &mesh.tets[e as usize];
+            let corners = tet.map(|n| mesh.nodes[n as usize]);
+            let n = nodes.map(|n| n as usize);
+            let face = OpenFace {
+                x: n.map(|n| mesh.nodes[n]),
+                u: n.map(|n| self.u[n]),
+                a: n.map(|n| self.a[n]),
+                p: n.map(|n| self.x[n][3]),
+                rho: material.element(tet, &corners, &Tetrahedron::new(corners)).rho,
+                theta,
+            };
+            let (rhs, c) = face.system();
+            for i in 0..3 {
+                if n[i] >= part.n_owned() {
+                    continue;
+                }
+                for k in 0..3 {
+                    self.rhs[n[i]][k] += rhs[i][k];
+                }
+                for j in 0..3 {
+                    let slot = self.matrix.slot(nodes[i], nodes[j]) as usize;
+                    for k in 0..3 {
+                        self.matrix.values[slot][k][k] += if i == j { 2.0 * c } else { c };
+                    }
+                }
+            }
+        }
+    }
+
+    /// `A ← P A P + (I−P) D`, `b ← P (b − A g) + (I−P) D g`, `g` the given part of `x`.
+    fn constrain(&mut self) {
+        let nodes = &self.constraints.nodes;
+        for &(entry, i, j) in &self.constrained_entries {
+            let (ci, cj) = (&nodes[i as usize], &nodes[j as usize]);
+            let block = &mut self.matrix.values[entry as usize];
+            let original = *block;
+            if !cj.is_free() {
+                let x = &self.x[j as usize];
+                let free = cj.project([x[0], x[1], x[2]]);
+                let mut given: [f64; 4] = [x[0] - free[0], x[1] - free[1], x[2] - free[2], 0.0];
+                if cj.pressure_given == 1 {
+                    given[3] = x[3];
+                }
+                let rhs = &mut self.rhs[i as usize];
+                for r in 0..4 {
+                    for c in 0..4 {
+                        rhs[r] -= original[r][c] * given[c];
+                    }
+                }
+                for row in block.iter_mut() {
+                    let v = cj.project([row[0], row[1], row[2]]);
+                    row[..3].copy_from_slice(&v);
+                    if cj.pressure_given == 1 {
+                        row[3] = 0.0;
+                    }
+                }
+            }
+            if !ci.is_free() {
+                for c in 0..4 {
+                    let v = ci.project([block[0][c], block[1][c], block[2][c]]);
+                    for r in 0..3 {
+                        block[r][c] = v[r];
+                    }
+                }
+                if ci.pressure_given == 1 {
+                    block[3] = [0.0; 4];
+                }
+            }
+            if i == j {
+                let scale = (original[0][0] + original[1][1] + original[2][2]) / 3.0;
+                for r in 0..3 {
+                    for c in 0..3 {
+                        block[r][c] += scale * (FREE.free[r][c] - ci.free[r][c]);
+                    }
+                }
+                if ci.pressure_given == 1 {
+                    block[3][3] = original[3][3];
+                }
+            } else if ci.pressure_given == 1 || cj.pressure_given == 1 {
+                self.pressure.values[entry as usize][0][0] = 0.0;
+            }
+        }
+        // Rows that are given: P b + (I−P) D g, after all their columns have been moved to b.
+        for i in 0..self.matrix.n_rows() {
+            let c = &nodes[i];
+            if c.is_free() {
+                continue;
+            }
+            let diagonal = &self.matrix.values[self.matrix.slot(i as u32, i as u32) as usize];
+            let x = self.x[i];
+            let free_x = c.project([x[0], x[1], x[2]]);
+            let b = &mut self.rhs[i];
+            let free_b = c.project([b[0], b[1], b[2]]);
+            let given: [f64; 3] = std::array::from_fn(|k| x[k] - free_x[k]);
+            for r in 0..3 {
+                // D acts on (I−P)g alone: P A P g = 0.
+                b[r] = free_b[r] + (0..3).map(|k| diagonal[r][k] * given[k]).sum::<f64>();
+            }
+            if c.pressure_given == 1 {
+                b[3] = diagonal[3][3] * x[3];
+            }
+        }
+    }
+
+    /// Residuals are measured as power: |r_u|²/a + r_p²/l, with the diagonals of the momentum rows
+    /// and of the pressure operator.
+    fn solve(&mut self, starting: bool) -> Result<Converged, Diverged> {
+        self.preconditioner.setup(&self.matrix, &self.pressure);
+        residual_weights(&self.matrix, &self.pressure, &mut self.weights);
+        let product = OwnedProduct::weighted::<4>(&self.halo, &self.weights);
+        let rhs = self.rhs.as_flattened();
+
+        let settings = KrylovSettings {
+            relative: if starting { self.tolerance.min(START_TOLERANCE) } else { self.tolerance },
+            absolute: FLOOR * product.dot(rhs, rhs).sqrt(),
+            max_iterations: self.max_iterations,
+            restart: RESTART,
+        };
+        fgmres(
+            &DistributedOperator::new(&self.matrix, &self.halo),
+            &mut self.preconditioner,
+            &product,
+            rhs,
+            self.x.as_flattened_mut(),
+            &settings,
+            &mut self.workspace,
+        )
+    }
+
+    /// u' of every local element, with uⁿ now in `u_old` and uⁿ⁺¹ in `u`.
+    fn find_fine_scale(&mut self, part: &MeshPart, material: &Material, dt: f64, theta: f64) {
+        std::mem::swap(&mut self.u_old, &mut self.u);
+        for e in 0..part.mesh.tets.len() {
+            let tet = &part.mesh.tets[e];
+            let u_new = tet.map(|n| self.u_old[n as usize]);
+            let p = tet.map(|n| self.p[n as usize]);
+            self.fine_scale[e] = self.element(part, material, e, dt, theta).fine_scale(&u_new, &p);
+        }
+        std::mem::swap(&mut self.u_old, &mut self.u);
+    }
+}

@@ -1,0 +1,82 @@
+//! Where fluid may come in, and which: φ at the nodes of boundaries with a given velocity or pressure.
+
+use crate::case::{Boundary, Case, Formula};
+use crate::fem::{dot, norm, triangle_normal};
+use crate::mesh::MeshPart;
+
+/// Slower than this fraction of the node's speed, the flow is along the boundary.
+const ALONG: f64 = 1e-9;
+
+/// The boundaries that fluid may cross.
+#[derive(Clone, Debug)]
+pub struct Inflow {
+    /// Local node, area-weighted normal out of the domain, index into `water`.
+    nodes: Vec<(u32, [f64; 3], u32)>,
+    /// Positive where what comes in is liquid; `None`: the gas.
+    water: Vec<Option<Formula>>,
+    /// Indices into `part.mesh.boundary` of the faces that fluid may cross.
+    pub faces: Vec<u32>,
+}
+
+impl Inflow {
+    /// From the case's boundary conditions. Collective.
+    pub fn new(case: &Case, part: &MeshPart) -> Self {
+        let mesh = &part.mesh;
+        let mut water = Vec::new();
+        let crossing: Vec<Option<u32>> = mesh
+            .boundary_names
+            .iter()
+            .map(|name| match case.boundary(name) {
+                Boundary::Velocity { water: w, .. } | Boundary::Pressure { water: w, .. } => {
+                    water.push(w.clone());
+                    Some(water.len() as u32 - 1)
+                }
+                Boundary::NoSlip | Boundary::Slip => None,
+            })
+            .collect();
+        // The lowest boundary wins where two meet: the same on every rank.
+        let mut at = vec![([0.0; 3], u32::MAX); part.n_local()];
+        let mut faces = Vec::new();
+        for (f, face) in (0u32..).zip(&mesh.boundary) {
+            let Some(which) = crossing[face.name as usize] else { continue };
+            faces.push(f);
+            let normal = triangle_normal(face.nodes.map(|n| mesh.nodes[n as usize]));
+            for node in face.nodes.map(|n| n as usize).into_iter().filter(|&n| n < part.n_owned()) {
+                let (sum, first) = &mut at[node];
+                *sum = std::array::from_fn(|k| sum[k] + normal[k]);
+                *first = which.min(*first);
+            }
+        }
+        part.exchange.update_ghosts(&mut at);
+        let nodes = (0u32..)
+            .zip(at)
+            .filter(|(_, (_, which))| *which != u32::MAX)
+            .map(|(node, (normal, which))| (node, normal, which))
+            .collect();
+        Self { nodes, water, faces }
+    }
+
+    /// Local nodes where fluid comes in with this velocity [m/s], and its φ, at time `t`, for profiles of
+    /// thickness `delta`.
+    pub fn values(
+        &self,
+        part: &MeshPart,
+        velocity: &[[f64; 3]],
+        t: f64,
+        delta: f64,
+        out: &mut Vec<(u32, f64)>,
+    ) {
+        out.clear();
+        for &(node, normal, which) in &self.nodes {
+            let u = velocity[node as usize];
+            if dot(u, normal) < -ALONG * norm(u) * norm(normal) {
+                let x = part.mesh.nodes[node as usize];
+                let phi = match &self.water[which as usize] {
+                    Some(distance) => super::profile::sigmoid(distance.at(x, t) / delta),
+                    None => 0.0,
+                };
+                out.push((node, phi));
+            }
+        }
+    }
+}

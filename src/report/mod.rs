@@ -1,0 +1,4 @@
+//! What a run tells: stage times, progress, gauges, files, the summary.
+
+pub mod output;
+pub mod stages;

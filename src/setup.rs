@@ -1,0 +1,106 @@
+//! Case → this rank's part of the mesh and the initial state.
+
+use crate::case::{Case, CaseError, MeshSource};
+use crate::flow::{Flow, Material};
+use crate::mesh::quality::{self, Quality};
+use crate::mesh::{Mesh, MeshError, MeshPart, boxes, import};
+use crate::phase::{Phase, inflow::Inflow, initial};
+use partition::Communicator;
+
+/// Reads or generates the mesh on rank 0, splits and refines it. Collective.
+///
+/// # Errors
+/// A mesh that cannot be read or is broken; a boundary of the case that the mesh does not have.
+pub fn mesh(case: &Case, comm: &Communicator) -> Result<(MeshPart, Option<Quality>), SetupError> {
+    let built = if comm.rank() == 0 { read(case).map(Some) } else { Ok(None) };
+    let (mesh, quality) = match comm.agree(built).map_err(SetupError::Elsewhere)? {
+        Some((mesh, quality)) => (Some(mesh), Some(quality)),
+        None => (None, None),
+    };
+    let part = MeshPart::distribute(comm, mesh, case.refine)?;
+    for (name, _) in &case.boundaries {
+        if !part.mesh.boundary_names.contains(name) {
+            let known = part.mesh.boundary_names.join(", ");
+            let message = format!("the mesh has no boundary of this name; it has {known}");
+            return Err(case.source.error(&format!("boundaries.{name}"), message).into());
+        }
+    }
+    Ok((part, quality))
+}
+
+/// The whole mesh, checked: rank 0 alone does this.
+fn read(case: &Case) -> Result<(Mesh, Quality), SetupError> {
+    let mesh = match &case.mesh {
+        MeshSource::Box(block) => boxes::box_mesh(block)?,
+        MeshSource::Gmsh(path) => {
+            let file = io::gmsh::read(path)?;
+            import::import(file.nodes, file.tets, &file.triangles, file.names)?
+        }
+    };
+    let quality = quality::check(&mesh)?;
+    Ok((mesh, quality))
+}
+
+/// Why a simulation cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// The case asks for what is not there.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// The mesh is broken or cannot be distributed.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A file cannot be read.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// What another rank found wrong.
+    #[error("{0}")]
+    Elsewhere(String),
+}
+
+/// Initial velocity at local nodes [m/s].
+pub fn velocity(case: &Case, part: &MeshPart) -> Vec<[f64; 3]> {
+    let formula = &case.initial.velocity;
+    part.mesh.nodes.iter().map(|&x| std::array::from_fn(|k| formula[k].at(x, 0.0))).collect()
+}
+
+/// The flow at t = 0, unless its velocity is given for all times.
+pub fn flow(case: &Case, part: &MeshPart) -> Option<Flow> {
+    case.prescribed_velocity.is_none().then(|| Flow::new(case, part, velocity(case, part)))
+}
+
+/// The phase field at t = 0, unless there is only one fluid. Collective.
+pub fn phase(case: &Case, part: &MeshPart, inflow: &Inflow) -> Option<Phase> {
+    case.gas?;
+    let mut distance: Vec<f64> = match &case.initial.water {
+        Some(formula) => part.mesh.nodes.iter().map(|&x| formula.at(x, 0.0)).collect(),
+        None => vec![f64::MAX; part.n_local()],
+    };
+    let cell = initial::cell_size(part, &distance);
+    if let Some((amplitude, seed)) = case.initial.noise {
+        for (d, &id) in distance.iter_mut().zip(&part.nodes.global) {
+            *d += amplitude * noise(seed, id);
+        }
+    }
+    let delta = crate::phase::delta(&case.free_surface, cell);
+    let phi = initial::profile(&distance, delta);
+    Some(Phase::new(part, &case.free_surface, &case.solver, cell, phi, inflow.faces.clone()))
+}
+
+/// The material at t = 0.
+pub fn material(case: &Case, part: &MeshPart, phase: Option<&Phase>) -> Material {
+    let mut material = Material::new(case, part.n_local());
+    if let Some(phase) = phase {
+        material.set_phase(&phase.phi);
+    }
+    material
+}
+
+/// Uniform in [−1, 1], the same for a node on any number of ranks (splitmix64).
+fn noise(seed: u64, node: u64) -> f64 {
+    let mut z = seed.wrapping_add(node.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^= z >> 31;
+    (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
