@@ -2,10 +2,12 @@
 
 pub mod balance;
 pub mod boxes;
+pub mod chord;
 pub mod error;
 mod faces;
 pub mod grading;
 pub mod import;
+pub mod locate;
 mod order;
 pub mod part;
 mod piece;
