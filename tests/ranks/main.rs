@@ -6,6 +6,7 @@
 //! panic on one rank must end all of them.
 
 mod communication;
+mod gauges;
 mod linear;
 mod parts;
 
@@ -29,6 +30,8 @@ const BODIES: &[(&str, Body)] = &[
     ("halo_of_a_mesh", parts::halo_of_a_mesh),
     ("integrals_and_rows", parts::integrals_and_rows),
     ("shares_are_even", parts::shares_are_even),
+    ("points_have_one_answer", gauges::points_have_one_answer),
+    ("lines_are_covered_once", gauges::lines_are_covered_once),
     ("few_elements_and_reruns", parts::few_elements_and_reruns),
     ("operator_and_product", linear::operator_and_product),
     ("multigrid_on_ranks", linear::multigrid_on_ranks),
