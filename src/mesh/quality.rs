@@ -132,12 +132,9 @@ pub(super) fn flat(mesh: &Mesh, element: usize, volume: f64) -> Option<MeshError
         }
     }
     let edge = longest;
-    (volume.abs() <= FLAT * edge.powi(3)).then_some(MeshError::Flat {
-        element,
-        volume,
-        edge,
-        corners,
-    })
+    // Not so for volumes that overflow, either.
+    let solid = volume.abs() > FLAT * edge.powi(3);
+    (!solid).then_some(MeshError::Flat { element, volume, edge, corners })
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -272,6 +269,7 @@ mod tests {
              (1, 1, 0)"
         );
         assert!(error(|m| m.nodes[13] = [0.0, 1.0, 1.0]).contains("is flat"));
+        assert!(error(|m| m.nodes[13][2] = 1e200).contains("is flat"));
         assert_eq!(error(|m| m.nodes[13][1] = f64::NAN), "node 13: its place is (1, NaN, 1)");
         assert_eq!(error(|m| m.nodes.push([5.0; 3])), "node 27 belongs to no tetrahedron");
         assert!(error(|m| m.tets.clear()).contains("no tetrahedra"));
