@@ -129,7 +129,7 @@ pub enum MeshError {
         /// Volume [m³].
         volume: f64,
         /// Corners [m].
-        corners: [[f64; 3]; 4],
+        corners: Box<[[f64; 3]; 4]>,
     },
     /// An element without volume.
     #[error(
@@ -145,7 +145,7 @@ pub enum MeshError {
         /// Longest edge [m].
         edge: f64,
         /// Corners [m].
-        corners: [[f64; 3]; 4],
+        corners: Box<[[f64; 3]; 4]>,
     },
     /// Two elements on the same side of a face.
     #[error(

@@ -74,7 +74,7 @@ pub fn check(mesh: &Mesh) -> Result<Quality, MeshError> {
             return Err(error);
         }
         if tet.volume < 0.0 {
-            let (volume, corners) = (tet.volume, mesh.corners(element));
+            let (volume, corners) = (tet.volume, Box::new(mesh.corners(element)));
             return Err(MeshError::Inverted { element, volume, corners });
         }
         let (h, shape) = (tet.size(), shape(mesh.corners(element), tet.volume));
@@ -134,7 +134,7 @@ pub(super) fn flat(mesh: &Mesh, element: usize, volume: f64) -> Option<MeshError
     let edge = longest;
     // Not so for volumes that overflow, either.
     let solid = volume.abs() > FLAT * edge.powi(3);
-    (!solid).then_some(MeshError::Flat { element, volume, edge, corners })
+    (!solid).then_some(MeshError::Flat { element, volume, edge, corners: corners.into() })
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
