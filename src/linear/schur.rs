@@ -4,7 +4,10 @@
 //! `S = C − D A⁻¹ G ≈ L = ∫ ((Δt_eff + τ)/ρ) ∇q·∇p`, `1/Δt_eff = 1/Δt + 2θ|u|/h` (Elman, Silvester
 //! & Wathen 2014, ch. 9, in the algebraic pressure-projection form). One application is one
 //! projection step. Velocity gets one forward and one backward half sweep of 3×3 blocks within the
-//! rank; ghosts are exchanged between them. Everything is stored in f32.
+//! rank; ghosts are exchanged between them.
+//!
+//! Everything is stored in f32, split so that each half sweep streams what it needs: the forward one
+//! `[A G]` left of the diagonal and `G` right of it, the backward one `A` right of the diagonal.
 
 #![allow(non_snake_case)]
 
@@ -14,18 +17,47 @@ use super::multigrid::Multigrid;
 use super::operator::Preconditioner;
 
 /// The preconditioner; unknowns of a node are (u, v, w, p).
+///
+/// Blocks are columns of three values one after another. A column is read as a vector of four, whose
+/// last lane means nothing; hence one value more at the end of each list.
 #[derive(Clone, Debug)]
 pub struct SchurPreconditioner {
     halo: Halo,
     multigrid: Multigrid,
-    row_start: Vec<u32>,
-    columns: Vec<u32>,
-    diagonal: Vec<u32>,
-    /// `[A_ij G_ij]` of each entry.
-    momentum: Vec<[[f32; 4]; 3]>,
-    /// `A_ii⁻¹`
-    inverse: Vec<[[f32; 3]; 3]>,
+    pattern: [Vec<u32>; 2],
+    left: Triangle,
+    right: Triangle,
+    /// `[A_ij G_ij]` left of the diagonal.
+    left_blocks: Vec<f32>,
+    /// `G_ij` right of the diagonal.
+    right_gradients: Vec<f32>,
+    /// `A_ij` right of the diagonal.
+    right_blocks: Vec<f32>,
+    nodes: Vec<Own>,
     z: Vec<[f32; 4]>,
+}
+
+/// What a row has on its diagonal.
+#[derive(Clone, Copy, Debug)]
+struct Own {
+    /// Columns of A_ii⁻¹, each with a fourth entry 0.
+    inverse: [[f32; 4]; 3],
+    /// G_ii
+    gradient: [f32; 4],
+}
+
+/// Entries of all rows on one side of the diagonal.
+#[derive(Clone, Debug, Default)]
+struct Triangle {
+    start: Vec<u32>,
+    columns: Vec<u32>,
+}
+
+impl Triangle {
+    #[inline]
+    fn row(&self, i: usize) -> std::ops::Range<usize> {
+        self.start[i] as usize..self.start[i + 1] as usize
+    }
 }
 
 impl SchurPreconditioner {
@@ -34,11 +66,13 @@ impl SchurPreconditioner {
         Self {
             halo: halo.clone(),
             multigrid: Multigrid::new(halo),
-            row_start: Vec::new(),
-            columns: Vec::new(),
-            diagonal: Vec::new(),
-            momentum: Vec::new(),
-            inverse: Vec::new(),
+            pattern: Default::default(),
+            left: Triangle::default(),
+            right: Triangle::default(),
+            left_blocks: Vec::new(),
+            right_gradients: Vec::new(),
+            right_blocks: Vec::new(),
+            nodes: Vec::new(),
             z: vec![[0.0; 4]; halo.n_local()],
         }
     }
@@ -48,34 +82,83 @@ impl SchurPreconditioner {
     /// columns, in `l` too. Nothing is kept from earlier calls but memory.
     pub fn setup(&mut self, a: &BlockCsr<4>, l: &BlockCsr<1>) {
         self.multigrid.setup(l);
-        if self.row_start != a.row_start || self.columns != a.columns {
-            self.row_start.clone_from(&a.row_start);
-            self.columns.clone_from(&a.columns);
-            self.diagonal = (0..a.n_rows()).map(|i| a.diagonal(i) as u32).collect();
+        if self.pattern[0] != a.row_start || self.pattern[1] != a.columns {
+            self.pattern = [a.row_start.clone(), a.columns.clone()];
+            let side = |is_in: fn(usize, usize) -> bool| {
+                let mut side = Triangle { start: vec![0], columns: Vec::new() };
+                for i in 0..a.n_rows() {
+                    let row = a.columns[a.row(i)].iter().filter(|&&j| is_in(j as usize, i));
+                    side.columns.extend(row);
+                    side.start.push(side.columns.len() as u32);
+                }
+                side
+            };
+            (self.left, self.right) = (side(|j, i| j < i), side(|j, i| j > i));
         }
-        self.momentum.clear();
-        self.momentum
-            .extend(a.values.iter().map(|v| [v[0], v[1], v[2]].map(|row| row.map(|x| x as f32))));
-        self.inverse.clear();
-        self.inverse.extend(self.diagonal.iter().map(|&d| inverse(&a.values[d as usize])));
-    }
-
-    #[inline]
-    fn row(&self, i: usize) -> [usize; 3] {
-        [self.row_start[i], self.diagonal[i], self.row_start[i + 1]].map(|at| at as usize)
-    }
-
-    #[inline]
-    fn entries(
-        &self,
-        range: std::ops::Range<usize>,
-    ) -> impl DoubleEndedIterator<Item = (&[[f32; 4]; 3], &u32)> {
-        self.momentum[range.clone()].iter().zip(&self.columns[range])
+        for list in [&mut self.left_blocks, &mut self.right_gradients, &mut self.right_blocks] {
+            list.clear();
+        }
+        self.nodes.clear();
+        for i in 0..a.n_rows() {
+            let row = &a.values[a.row(i)];
+            let n_left = self.left.row(i).len();
+            for v in &row[..n_left] {
+                let block: [f32; 12] = std::array::from_fn(|k| v[k % 3][k / 3] as f32);
+                self.left_blocks.extend_from_slice(&block);
+            }
+            let own = &row[n_left];
+            let gradient = [own[0][3], own[1][3], own[2][3], 0.0].map(|g| g as f32);
+            self.nodes.push(Own { inverse: inverse(own), gradient });
+            for v in &row[n_left + 1..] {
+                let block: [f32; 9] = std::array::from_fn(|k| v[k % 3][k / 3] as f32);
+                self.right_blocks.extend_from_slice(&block);
+                self.right_gradients.extend_from_slice(&[0, 1, 2].map(|r| v[r][3] as f32));
+            }
+        }
+        for list in [&mut self.left_blocks, &mut self.right_gradients, &mut self.right_blocks] {
+            list.push(0.0);
+        }
     }
 
     /// The multigrid of the pressure operator.
     pub fn multigrid(&self) -> &Multigrid {
         &self.multigrid
+    }
+
+    /// u_i = A_ii⁻¹ (r − G p − Σ A_ij u_j over columns before i), from the first row to the last.
+    fn forward(&mut self, r: &[[f64; 4]]) {
+        for (i, own) in self.nodes.iter().enumerate() {
+            let mut sum = [[0.0; 4]; 4];
+            for e in self.right.row(i) {
+                let x = &self.z[self.right.columns[e] as usize];
+                add_columns(&mut sum[3..], &self.right_gradients[3 * e..], &x[3..]);
+            }
+            // The row above, computed last, comes last: sums of several rows overlap.
+            for e in self.left.row(i) {
+                let x = &self.z[self.left.columns[e] as usize];
+                add_columns(&mut sum, &self.left_blocks[12 * e..], x);
+            }
+            let p = self.z[i][3];
+            let left: [f32; 4] = std::array::from_fn(|a| {
+                let sum = (sum[0][a] + sum[1][a]) + (sum[2][a] + sum[3][a]);
+                (r[i][a] as f32 - own.gradient[a] * p) - sum
+            });
+            self.z[i] = add_product([0.0, 0.0, 0.0, p], own, left);
+        }
+    }
+
+    /// The same system from the last row to the first. Row i holds for the columns before it; the
+    /// later ones, and the ghosts, have changed from zero.
+    fn backward(&mut self) {
+        for (i, own) in self.nodes.iter().enumerate().rev() {
+            let mut sum = [[0.0; 4]; 3];
+            for e in self.right.row(i).rev() {
+                let x = &self.z[self.right.columns[e] as usize];
+                add_columns(&mut sum, &self.right_blocks[9 * e..], &x[..3]);
+            }
+            let change = std::array::from_fn(|a| -((sum[0][a] + sum[1][a]) + sum[2][a]));
+            self.z[i] = add_product(self.z[i], own, change);
+        }
     }
 }
 
@@ -89,68 +172,42 @@ impl Preconditioner for SchurPreconditioner {
             *z = [0.0, 0.0, 0.0, *p];
         }
         self.halo.update_ghosts(&mut self.z);
-        // Velocities not yet reached are zero: their columns give G p alone. The column next to the
-        // row comes last in each sum, as it was computed last: sums of several rows overlap.
-        let n = self.diagonal.len();
-        for i in 0..n {
-            let [start, diagonal, end] = self.row(i);
-            let mut sum = [[0.0; 4]; 3];
-            add(&mut sum, self.entries(diagonal..end), &self.z);
-            add(&mut sum, self.entries(start..diagonal), &self.z);
-            let left = std::array::from_fn(|a| r[i][a] as f32 - total(sum[a]));
-            self.z[i][..3].copy_from_slice(&times(&self.inverse[i], left));
-        }
+        self.forward(r);
         self.halo.update_ghosts(&mut self.z);
-        // Row i holds for the columns before i; the later ones and the ghosts have changed.
-        for i in (0..n).rev() {
-            let [_, diagonal, end] = self.row(i);
-            let mut sum = [[0.0; 4]; 3];
-            add(&mut sum, self.entries(diagonal + 1..end).rev(), &self.z);
-            let change = times(&self.inverse[i], sum.map(|[x, y, z, _]| (x + z) + y));
-            for a in 0..3 {
-                self.z[i][a] -= change[a];
-            }
-        }
+        self.backward();
         for (z, x) in z.iter_mut().zip(self.z.as_flattened()) {
             *z = f64::from(*x);
         }
     }
 }
 
-/// sum += Σ_j [A G]_ij (u, p)_j, still apart by the four columns, which are SIMD lanes.
+/// sum_c += column c of the block · x_c, with a value more after the block.
 #[inline]
-fn add<'a>(
-    sum: &mut [[f32; 4]; 3],
-    entries: impl Iterator<Item = (&'a [[f32; 4]; 3], &'a u32)>,
-    x: &[[f32; 4]],
-) {
-    for (block, &j) in entries {
-        let x = &x[j as usize];
-        for r in 0..3 {
-            for c in 0..4 {
-                sum[r][c] += block[r][c] * x[c];
-            }
+fn add_columns(sum: &mut [[f32; 4]], block: &[f32], x: &[f32]) {
+    for (c, (sum, x)) in sum.iter_mut().zip(x).enumerate() {
+        for r in 0..4 {
+            sum[r] += block[3 * c + r] * x;
         }
     }
 }
 
+/// z + A_ii⁻¹ x, all four lanes at once: z is read next as one vector.
 #[inline]
-fn total(lanes: [f32; 4]) -> f32 {
-    (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
+fn add_product(z: [f32; 4], own: &Own, x: [f32; 4]) -> [f32; 4] {
+    let m = &own.inverse;
+    std::array::from_fn(|r| (z[r] + m[0][r] * x[0]) + (m[1][r] * x[1] + m[2][r] * x[2]))
 }
 
-#[inline]
-fn times(m: &[[f32; 3]; 3], x: [f32; 3]) -> [f32; 3] {
-    m.map(|row| row[0] * x[0] + row[1] * x[1] + row[2] * x[2])
-}
-
-/// Inverse of the velocity part of a node's block.
-fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 3]; 3] {
+/// Columns of the inverse of the velocity part of a node's block.
+fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 4]; 3] {
     let m = |r: usize, c: usize| block[r % 3][c % 3];
     let cofactor =
         |r: usize, c: usize| m(r + 1, c + 1) * m(r + 2, c + 2) - m(r + 1, c + 2) * m(r + 2, c + 1);
     let det = m(0, 0) * cofactor(0, 0) + m(0, 1) * cofactor(0, 1) + m(0, 2) * cofactor(0, 2);
-    std::array::from_fn(|r| std::array::from_fn(|c| (cofactor(c, r) / det) as f32))
+    std::array::from_fn(|c| {
+        let entry = |r: usize| (cofactor(c, r) / det) as f32;
+        [entry(0), entry(1), entry(2), 0.0]
+    })
 }
 
 /// Weights of the inner product in which residuals are measured, for each owned unknown: 1/a_ii of

@@ -13,13 +13,14 @@ const SIZE: usize = 9;
 /// Aggregates smaller than this are dissolved into their neighbours.
 const SMALL: usize = 4;
 
-/// The aggregate of each row, or `NONE`, and the number of aggregates.
-pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
+/// The aggregate of each row, or `NONE`, and the number of aggregates; `diagonal[i]` is the position
+/// of entry (i, i).
+pub fn aggregate(a: &BlockCsr<1>, diagonal: &[u32], theta: f64) -> (Vec<u32>, usize) {
     let n = a.n_rows();
     // 1/√a_ii
-    let scale: Vec<f64> = (0..n)
-        .map(|i| {
-            let d = a.values[a.diagonal(i)][0][0];
+    let scale: Vec<f64> = (diagonal.iter())
+        .map(|&at| {
+            let d = a.values[at as usize][0][0];
             if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
         })
         .collect();

@@ -9,8 +9,8 @@ pub struct Level {
     /// Its halo; of one rank if the level was gathered.
     pub halo: Halo,
     row_start: Vec<u32>,
-    /// Columns before the diagonal entry are below the row's own index.
-    diagonal: Vec<u32>,
+    /// Positions of the diagonal entries: columns before are below the row's own index.
+    pub diagonal: Vec<u32>,
     columns: Vec<u32>,
     values: Vec<f32>,
     inverse: Vec<f32>,

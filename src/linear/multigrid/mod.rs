@@ -74,7 +74,7 @@ impl Multigrid {
         loop {
             let fine = self.levels.last_mut().expect("at least the finest level");
             let matrix = coarse.as_ref().unwrap_or(L);
-            let (aggregates, count) = aggregation::aggregate(matrix, theta);
+            let (aggregates, count) = aggregation::aggregate(matrix, &fine.diagonal, theta);
             let n_coarse = fine.halo.sum_u64(count as u64);
             if n_coarse == 0 || 10 * n_coarse > 9 * n {
                 fine.coarse_of.clear();
