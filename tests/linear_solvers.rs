@@ -46,7 +46,7 @@ fn right_hand_side(n: usize) -> Vec<f64> {
 #[test]
 fn matvec_equals_the_dense_product() {
     let part = MeshPart::single(cells([3, 2, 2], 0.5, 0.2));
-    let (mut a, _) = BlockCsr::<4>::of_mesh(&part.mesh, part.n_owned());
+    let (mut a, _) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
     for (e, block) in a.values.iter_mut().enumerate() {
         for k in 0..16 {
             block[k / 4][k % 4] = noise(16 * e as u64 + k as u64);

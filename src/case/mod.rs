@@ -4,6 +4,7 @@ mod check;
 pub mod error;
 pub mod file;
 pub mod formula;
+mod grading;
 pub mod nearest;
 mod reader;
 pub mod sources;

@@ -4,7 +4,8 @@
 
 pub mod constraints;
 pub mod quadrature;
-pub mod tetrahedron;
+
+pub use crate::mesh::tetrahedron;
 
 /// a·b
 #[inline]

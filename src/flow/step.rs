@@ -81,7 +81,7 @@ impl Flow {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
         let constraints = Constraints::new(case, part);
-        let (matrix, slots) = BlockCsr::<4>::of_mesh(&part.mesh, part.n_owned());
+        let (matrix, slots) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
         let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
         let mut constrained_entries = Vec::new();
         for i in 0..matrix.n_rows() {

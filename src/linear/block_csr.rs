@@ -1,7 +1,5 @@
 //! Compressed rows of small dense blocks: rows are owned nodes, columns are local nodes.
 
-use crate::mesh::Mesh;
-
 /// Row-compressed matrix of B×B blocks (row-major inside a block).
 #[derive(Clone, Debug)]
 pub struct BlockCsr<const B: usize> {
@@ -17,11 +15,11 @@ pub struct BlockCsr<const B: usize> {
 pub type ElementSlots = Vec<[u32; 16]>;
 
 impl<const B: usize> BlockCsr<B> {
-    /// Zero matrix on the node graph of the mesh: rows for the first `n_rows` nodes; and the slot
-    /// map that assembly uses.
-    pub fn of_mesh(mesh: &Mesh, n_rows: usize) -> (Self, ElementSlots) {
+    /// Zero matrix on the node graph of these elements: rows for the first `n_rows` nodes; and the
+    /// slot map that assembly uses.
+    pub fn of_elements(tets: &[[u32; 4]], n_rows: usize) -> (Self, ElementSlots) {
         let mut count = vec![0u32; n_rows + 1];
-        for tet in &mesh.tets {
+        for tet in tets {
             for &i in tet {
                 if (i as usize) < n_rows {
                     count[i as usize + 1] += 4;
@@ -33,7 +31,7 @@ impl<const B: usize> BlockCsr<B> {
         }
         let mut raw = vec![0u32; count[n_rows] as usize];
         let mut next = count.clone();
-        for tet in &mesh.tets {
+        for tet in tets {
             for &i in tet {
                 if (i as usize) < n_rows {
                     let at = next[i as usize] as usize;
@@ -57,8 +55,7 @@ impl<const B: usize> BlockCsr<B> {
             row_start[i + 1] = columns.len() as u32;
         }
         let matrix = Self { values: vec![[[0.0; B]; B]; columns.len()], row_start, columns };
-        let slots = mesh
-            .tets
+        let slots = tets
             .iter()
             .map(|tet| {
                 std::array::from_fn(|p| {

@@ -3,7 +3,7 @@
 
 use super::{BoundaryFace, Mesh, MeshError};
 use crate::case::{BoxMesh, Hole};
-use crate::fem::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::Tetrahedron;
 
 /// Kuhn's six tetrahedra of a unit cell as paths 000 → 111 along the axes in each order.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];

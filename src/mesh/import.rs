@@ -3,7 +3,7 @@
 use super::faces::FaceTable;
 use super::quality::{finite_nodes, flat};
 use super::{BoundaryFace, FACES, Mesh, MeshError};
-use crate::fem::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::Tetrahedron;
 
 /// Name of boundary faces that carry no other.
 pub const UNNAMED: &str = "unnamed";

@@ -3,7 +3,7 @@
 //! answers, whichever rank holds it.
 
 use super::{Mesh, MeshError, MeshPart};
-use crate::fem::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::Tetrahedron;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};

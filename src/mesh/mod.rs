@@ -5,7 +5,6 @@ pub mod boxes;
 pub mod chord;
 pub mod error;
 mod faces;
-pub mod grading;
 pub mod import;
 pub mod locate;
 mod order;
@@ -13,6 +12,7 @@ pub mod part;
 mod piece;
 pub mod quality;
 mod refine;
+pub mod tetrahedron;
 
 pub use error::MeshError;
 pub use part::MeshPart;

@@ -3,7 +3,7 @@
 
 use super::faces::FaceTable;
 use super::{FACES, Mesh, MeshError};
-use crate::fem::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::Tetrahedron;
 use std::fmt;
 
 /// Elements below this share of their longest edge cubed have no volume.

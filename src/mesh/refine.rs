@@ -112,11 +112,10 @@ fn children(v: [u32; 4], m: [u32; 6], x: [[f64; 3]; 4]) -> [[u32; 4]; 8] {
 mod tests {
     use crate::mesh::boxes::tensor_box;
     use crate::mesh::{Mesh, MeshPart};
-    use partition::Communicator;
     use std::collections::HashMap;
 
     fn refined(mesh: &Mesh, levels: u32) -> Mesh {
-        let comm = Communicator::single();
+        let comm = MeshPart::single(mesh.clone()).comm;
         MeshPart::distribute(&comm, Some(mesh.clone()), levels).unwrap().mesh
     }
     fn edge(mesh: &Mesh, a: u32, b: u32) -> nalgebra::Vector3<f64> {

@@ -101,7 +101,7 @@ impl Convection {
 impl Solver {
     pub(super) fn new(part: &MeshPart) -> Self {
         let n = part.n_local();
-        let (matrix, slots) = BlockCsr::of_mesh(&part.mesh, part.n_owned());
+        let (matrix, slots) = BlockCsr::of_elements(&part.mesh.tets, part.n_owned());
         let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix);
         let zeros = vec![0.0; n];
         Self {

@@ -108,7 +108,7 @@ mod tests {
     fn two_drops_and_spray_are_told_apart_and_the_band_goes_to_the_nearer() {
         let x: Vec<f64> = (0..=40).map(|i| i as f64).collect();
         let part = MeshPart::single(tensor_box([&x, &[0.0, 1.0, 2.0], &[0.0, 1.0]]));
-        let (graph, _) = BlockCsr::<1>::of_mesh(&part.mesh, part.n_owned());
+        let (graph, _) = BlockCsr::<1>::of_elements(&part.mesh.tets, part.n_owned());
         let phi: Vec<f64> = part
             .mesh
             .nodes

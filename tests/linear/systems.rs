@@ -38,7 +38,7 @@ pub fn scalar(
     fixed: impl Fn([f64; 3]) -> bool,
 ) -> BlockCsr<1> {
     let mesh = &part.mesh;
-    let (mut matrix, slots) = BlockCsr::<1>::of_mesh(mesh, part.n_owned());
+    let (mut matrix, slots) = BlockCsr::<1>::of_elements(&mesh.tets, part.n_owned());
     for (e, tet) in mesh.tets.iter().enumerate() {
         let t = Tetrahedron::of(mesh, e);
         let k = k(centre(mesh, tet));
@@ -133,8 +133,8 @@ impl Oseen {
     /// The 4×4 system and the pressure operator L = ∫((Δt_eff + τ)/ρ)∇q·∇p.
     pub fn assemble(&self, part: &MeshPart) -> (BlockCsr<4>, BlockCsr<1>) {
         let mesh = &part.mesh;
-        let (mut A, slots) = BlockCsr::<4>::of_mesh(mesh, part.n_owned());
-        let (mut L, _) = BlockCsr::<1>::of_mesh(mesh, part.n_owned());
+        let (mut A, slots) = BlockCsr::<4>::of_elements(&mesh.tets, part.n_owned());
+        let (mut L, _) = BlockCsr::<1>::of_elements(&mesh.tets, part.n_owned());
         let theta = 0.5;
         for (e, tet) in mesh.tets.iter().enumerate() {
             let t = Tetrahedron::of(mesh, e);

@@ -4,7 +4,7 @@ use super::super::error::Problem;
 use super::super::file::{Axis, BoxTable, HoleTable, MeshTable};
 use super::super::{BoxMesh, Hole, MeshSource};
 use super::values::{finite, positive, refuse};
-use crate::mesh::grading::{lines_of_cells, lines_of_sizes};
+use crate::case::grading::{lines_of_cells, lines_of_sizes};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Boundary names of a box's sides.
