@@ -2,8 +2,9 @@
 
 use clap::Parser;
 use fcm_fsi::case::{Case, CaseError, CaseFile, Sources};
+use fcm_fsi::simulation::{Options, Simulation};
 use partition::Communicator;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Free-surface flow that hits, moves and breaks structures.
@@ -58,39 +59,47 @@ fn main() -> ExitCode {
     let path = arguments.case.as_ref().expect("clap asks for a case unless --schema is given");
     let case = match read(path, &comm) {
         Ok(case) => case,
-        Err(error) => {
-            if first {
-                eprintln!("error: {error}");
-            }
-            return ExitCode::from(BAD_INPUT);
-        }
+        Err(error) => return fail(first, &error, BAD_INPUT),
     };
-    let options = fcm_fsi::simulation::Options {
-        out: arguments.out.unwrap_or("results".into()),
+    let mut simulation = match Simulation::new(case, &comm) {
+        Ok(simulation) => simulation,
+        Err(error) => return fail(first, &error, BAD_INPUT),
+    };
+    let options = Options {
+        out: arguments.out.unwrap_or_else(|| results_of(path)),
         restart: arguments.restart,
         steps: arguments.steps,
         quiet: arguments.quiet,
     };
-    let mut s = match fcm_fsi::simulation::Simulation::new(case, &comm) {
-        Ok(s) => s,
-        Err(e) => {
-            if first {
-                eprintln!("error: {e}");
+    match simulation.run(&options) {
+        Ok(summary) => {
+            if first && !options.quiet {
+                println!("{}\nresults in {}", summary.table(), options.out.display());
             }
-            return ExitCode::from(BAD_INPUT);
+            ExitCode::SUCCESS
         }
-    };
-    if let Err(e) = s.run(&options) {
-        if first {
-            eprintln!("error: {e}");
-        }
-        return ExitCode::from(RUN_FAILED);
+        Err(error) => fail(first, &error, RUN_FAILED),
     }
-    ExitCode::SUCCESS
 }
 
+fn fail(first: bool, error: &dyn std::error::Error, status: u8) -> ExitCode {
+    if first {
+        eprintln!("error: {error}");
+    }
+    ExitCode::from(status)
+}
+
+/// `results/NAME`, after the case's folder (or its file, if that is not called case.toml).
+fn results_of(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let own_name = path.is_dir() || path.file_name().is_some_and(|name| name != "case.toml");
+    let named = if own_name { Some(path.as_path()) } else { path.parent() };
+    let name = named.and_then(Path::file_stem).unwrap_or("case".as_ref());
+    Path::new("results").join(name)
+}
 /// The first rank reads, every rank checks the same texts, so all agree.
-fn read(path: &std::path::Path, comm: &Communicator) -> Result<Case, CaseError> {
+
+fn read(path: &Path, comm: &Communicator) -> Result<Case, CaseError> {
     let mut message = Vec::new();
     if comm.rank() == 0 {
         let texts = Sources::read(path);

@@ -1,15 +1,29 @@
 //! The run: state, one step, output, restart.
 
+mod checkpoint;
+
 use crate::case::Case;
+use crate::fem::courant_rate;
 use crate::flow::{Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
+use crate::mesh::balance::Balance;
+use crate::mesh::quality::Quality;
 use crate::phase::{Phase, VolumeReport, inflow::Inflow};
-use crate::report::output::Fields;
+use crate::report::gauges::Gauges;
+use crate::report::output::{Output, Schedule, Snapshot};
+use crate::report::progress::{Line, Progress};
 use crate::report::stages::Stages;
+use crate::report::summary::{Summary, Totals};
 use crate::setup::{self, SetupError};
 use partition::Communicator;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// A step is at most this much longer than the one before.
+const GROWTH: f64 = 1.2;
+/// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
+const WAVE_LIMIT: f64 = 0.5;
 
 /// A case in progress on this rank.
 pub struct Simulation {
@@ -27,11 +41,22 @@ pub struct Simulation {
     pub clock: Clock,
     /// Wall time by stage.
     pub stages: Stages,
+    /// Of the mesh before refinement, on rank 0.
+    pub quality: Option<Quality>,
+    size: Size,
+    gauges: Option<Gauges>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
     /// The given velocity, and no fine-scale velocity, where there is no flow.
     given: Vec<[f64; 3]>,
     no_fine_scale: Vec<[f64; 3]>,
+}
+
+/// Of the whole mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Size {
+    nodes: u64,
+    elements: u64,
 }
 
 /// Why a run stops.
@@ -40,12 +65,13 @@ pub enum RunError {
     /// It did not start.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// A file cannot be written.
+    /// A file cannot be read or written.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// A linear solver failed.
     #[error(
-        "step {step} (t = {t:.6e} s, Δt = {dt:.3e} s), {equation}: {source}; try a smaller {advice}"
+        "step {step} from t = {t:.6e} s, Δt = {dt:.3e} s: {equation}: {source}; a smaller \
+         time.max_cfl or time.step may help"
     )]
     Solver {
         /// Which equation.
@@ -56,26 +82,9 @@ pub enum RunError {
         t: f64,
         /// Its length [s].
         dt: f64,
-        /// What to change.
-        advice: &'static str,
         /// The solver's numbers.
         source: Diverged,
     },
-}
-
-/// What one step did.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StepReport {
-    /// Length of the step [s].
-    pub dt: f64,
-    /// Courant number of the step.
-    pub courant: f64,
-    /// The flow's solve.
-    pub flow: FlowReport,
-    /// Iterations of the phase transport.
-    pub phase_iterations: u32,
-    /// The water's account.
-    pub volume: VolumeReport,
 }
 
 /// How a run was asked for on the command line.
@@ -83,12 +92,25 @@ pub struct StepReport {
 pub struct Options {
     /// Folder for the results.
     pub out: PathBuf,
-    /// Checkpoint to go on from.
+    /// Checkpoint to go on from, or a folder with checkpoints.
     pub restart: Option<PathBuf>,
     /// Stop after this many steps.
     pub steps: Option<u64>,
     /// Print nothing but errors.
     pub quiet: bool,
+}
+
+/// What one step did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepReport {
+    /// Length of the step [s].
+    pub dt: f64,
+    /// The flow's solve.
+    pub flow: FlowReport,
+    /// Iterations of the phase transport.
+    pub phase_iterations: u32,
+    /// The water's account.
+    pub volume: VolumeReport,
 }
 
 /// Time.
@@ -98,10 +120,18 @@ pub struct Clock {
     pub t: f64,
     /// Steps done.
     pub step: u64,
-    /// Time the phase field stands at [s]: half a step behind the velocity that comes next.
+    /// Time the phase field stands at [s]: half a step behind, where there is a flow.
     pub t_phase: f64,
     /// Last step [s].
     pub dt: f64,
+}
+
+impl Clock {
+    fn tick(&mut self, dt: f64) {
+        self.t += dt;
+        self.dt = dt;
+        self.step += 1;
+    }
 }
 
 impl Simulation {
@@ -110,45 +140,53 @@ impl Simulation {
     /// # Errors
     /// What is wrong with the case or its mesh.
     pub fn new(case: Case, comm: &Communicator) -> Result<Self, SetupError> {
-        let (part, _quality) = setup::mesh(&case, comm)?;
+        let (part, quality) = setup::mesh(&case, comm)?;
+        let balance = Balance::of(&part);
+        let gauges = Some(Gauges::new(&case, &part)?);
         let inflow = Inflow::new(&case, &part);
         let phase = setup::phase(&case, &part, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
         let flow = setup::flow(&case, &part);
-        let given = vec![[0.0; 3]; if flow.is_some() { 0 } else { part.n_local() }];
-        let no_fine_scale = vec![[0.0; 3]; if flow.is_some() { 0 } else { part.mesh.tets.len() }];
+        let mut given = Vec::new();
+        let mut no_fine_scale = Vec::new();
+        if flow.is_none() {
+            given.resize(part.n_local(), [0.0; 3]);
+            no_fine_scale.resize(part.mesh.tets.len(), [0.0; 3]);
+            prescribe(&case, &part, 0.0, &mut given);
+        }
         Ok(Self {
             case,
-            part,
             flow,
             phase,
             material,
             clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0 },
             stages: Stages::default(),
+            quality,
+            size: Size { nodes: balance.nodes(), elements: balance.elements() },
+            gauges,
             inflow,
             inflow_values: Vec::new(),
             given,
             no_fine_scale,
+            part,
         })
     }
 
-    /// One step of the paper's algorithm: free surface, then velocity and pressure.
+    /// One step of the paper's algorithm: the free surface, then velocity and pressure. Collective.
     ///
-    /// The phase field stands at the middle of flow steps: it moves from tⁿ⁻½ to tⁿ⁺½ with uⁿ, and its
-    /// densities are then those at the middle of the flow's step (a leapfrog: waves neither grow nor decay).
+    /// The phase field stands at the middle of the flow's steps: it moves from tⁿ⁻½ to tⁿ⁺½ with uⁿ, and
+    /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay).
     ///
     /// # Errors
     /// A solver that does not converge.
     pub fn step(&mut self, dt: f64) -> Result<StepReport, RunError> {
-        let Self { part, clock, .. } = self;
-        let failed = |equation, advice| {
-            let (step, t) = (clock.step + 1, clock.t);
-            move |source| RunError::Solver { equation, step, t, dt, advice, source }
-        };
+        let Self { part, clock, stages, .. } = self;
+        let (step, t) = (clock.step + 1, clock.t);
+        let failed = |equation| move |source| RunError::Solver { equation, step, t, dt, source };
         let mut report = StepReport { dt, ..StepReport::default() };
 
         if let Some(phase) = &mut self.phase {
-            let middle = clock.t + 0.5 * dt;
+            let middle = t + 0.5 * dt;
             let (dt_phase, velocity, fine_scale) = match &self.flow {
                 Some(flow) => (middle - clock.t_phase, &flow.u, &flow.fine_scale),
                 None => {
@@ -156,135 +194,182 @@ impl Simulation {
                     (dt, &self.given, &self.no_fine_scale)
                 }
             };
-            self.inflow.values(
-                part,
-                velocity,
-                clock.t_phase,
-                phase.delta(),
-                &mut self.inflow_values,
-            );
-            let moved = self
-                .stages
-                .time("phase", || {
-                    phase.advance(part, dt_phase, velocity, fine_scale, &self.inflow_values)
+            let inflow = &mut self.inflow_values;
+            self.inflow.values(part, velocity, t, phase.delta(), inflow);
+            let moved = stages
+                .time("free surface", || {
+                    phase.advance(part, dt_phase, velocity, fine_scale, inflow)
                 })
-                .map_err(failed("free surface", "time.max_cfl"))?;
+                .map_err(failed("free surface"))?;
             report.phase_iterations = moved.transport.iterations;
-            report.volume = self.stages.time("volume", || phase.restore_volume(part));
+            report.volume = stages.time("volume", || phase.restore_volume(part));
             self.material.set_phase(&phase.phi);
             clock.t_phase += dt_phase;
         }
         if let Some(flow) = &mut self.flow {
             report.flow = flow
-                .advance(part, &self.material, clock.t, dt)
-                .map_err(failed("velocity and pressure", "time.max_cfl"))?;
-            self.stages.add("flow: assembly", report.flow.assembly);
-            self.stages.add("flow: solve", report.flow.solve);
+                .advance(part, &self.material, t, dt)
+                .map_err(failed("velocity and pressure"))?;
+            stages.add("flow: assembly", report.flow.assembly);
+            stages.add("flow: solve", report.flow.solve);
         }
-        clock.t += dt;
-        clock.dt = dt;
-        clock.step += 1;
+        clock.tick(dt);
         Ok(report)
     }
 
-    /// To the end of the case. Collective.
+    /// From where it stands to the end of the case, with all output. Collective.
     ///
     /// # Errors
     /// A step that fails, a file that cannot be written.
-    pub fn run(&mut self, options: &Options) -> Result<(), RunError> {
-        std::fs::create_dir_all(&options.out).ok();
-        let mut fields = Fields::open(
-            &self.case,
-            &self.part,
-            &options.out,
-            self.flow.is_some(),
-            self.phase.is_some(),
-            None,
-        )?;
-        if let Some(fields) = &mut fields {
-            fields.write_if_due(0.0, self.flow.as_ref(), self.phase.as_ref(), &self.material)?;
+    pub fn run(&mut self, options: &Options) -> Result<Summary, RunError> {
+        let started = Instant::now();
+        let first = self.part.comm.rank() == 0;
+        let after = match &options.restart {
+            Some(path) => {
+                self.restore(path)?;
+                Some(self.clock.t)
+            }
+            None => None,
+        };
+        self.open_folder(&options.out)?;
+        let gauges = self.gauges.take().expect("a simulation is run once");
+        let mut output = Output::open(&self.case, &self.part, gauges, &options.out, after)?;
+        let mut checkpoints = self.case.output.checkpoint_every.map(|every| {
+            let mut schedule = Schedule::new(every, after);
+            schedule.take(self.clock.t);
+            schedule
+        });
+        let end = self.case.time.end;
+        let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
+        let begun = self.clock.step;
+        let mut flow_iterations = 0;
+        if after.is_none() {
+            output.write_if_due(&self.part, &self.snapshot())?;
         }
-        while self.clock.t < self.case.time.end * (1.0 - 1e-12) {
-            if options.steps.is_some_and(|n| self.clock.step >= n) {
-                break;
+        let mut line = Line { t: self.clock.t, ..Line::default() };
+        while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
+            let rate = courant_rate(&self.part, self.velocity());
+            let due = checkpoints.map(|schedule| schedule.next_time());
+            let dt = self.next_dt(rate, output.next_time().into_iter().chain(due));
+            let report = self.step(dt)?;
+            flow_iterations += u64::from(report.flow.iterations);
+            let clock = Instant::now();
+            line = self.line(&report, dt * rate);
+            output.write_history(&self.part, self.history(&report, dt * rate))?;
+            output.write_if_due(&self.part, &self.snapshot())?;
+            if let Some(schedule) = &mut checkpoints
+                && schedule.take(self.clock.t)
+            {
+                self.write_checkpoint(&options.out)?;
             }
-            let dt = self.next_dt();
-            let r = self.step(dt)?;
-            let ke =
-                self.flow.as_ref().map_or(0.0, |f| f.kinetic_energy(&self.part, &self.material));
-            let umax = self.part.max(
-                self.flow
-                    .as_ref()
-                    .map_or(0.0, |f| f.u.iter().flatten().fold(0.0f64, |a, b| a.max(b.abs()))),
-            );
-            let (lo, hi) = self.phase.as_ref().map_or((0.0, 0.0), |p| {
-                p.phi.iter().fold((0.0f64, 0.0f64), |a, &b| (a.0.min(b), a.1.max(b - 1.0)))
-            });
-            if self.part.comm.rank() == 0 {
-                println!(
-                    "{} t {:.5} dt {:.3e} it {} ({:.2e} -> {:.2e}) phase it {} vol err {:.3e} corr {:.3e} ke {:.6e} umax {:.3e} phi {:.1e} {:.1e}",
-                    self.clock.step,
-                    self.clock.t,
-                    dt,
-                    r.flow.iterations,
-                    r.flow.initial_residual,
-                    r.flow.residual,
-                    r.phase_iterations,
-                    r.volume.error,
-                    r.volume.corrected,
-                    ke,
-                    umax,
-                    lo,
-                    hi
-                );
-            }
-            if let Some(fields) = &mut fields {
-                fields.write_if_due(
-                    self.clock.t,
-                    self.flow.as_ref(),
-                    self.phase.as_ref(),
-                    &self.material,
-                )?;
-            }
+            self.stages.add("output", clock.elapsed());
+            progress.show(&line, false);
         }
-        if self.part.comm.rank() == 0 {
-            for s in self.stages.iter() {
-                println!("{s:?}");
-            }
-        }
-        Ok(())
+        progress.show(&line, true);
+        let totals = Totals {
+            steps: self.clock.step - begun,
+            t: self.clock.t,
+            wall_seconds: started.elapsed().as_secs_f64(),
+            flow_iterations,
+        };
+        let summary = Summary::new(&self.case, &self.part, &self.stages, totals);
+        let written = if first { summary.write(&options.out) } else { Ok(()) };
+        io::Error::agree(&self.part.comm, written)?;
+        Ok(summary)
     }
 
-    /// Largest `Σ|u·∇N|`-type rate of this state [1/s]: Courant number per second. Collective.
-    pub fn courant_rate(&self) -> f64 {
-        let velocity = self.flow.as_ref().map_or(&self.given, |f| &f.u);
-        crate::fem::courant_rate(&self.part, velocity)
+    /// Makes the folder for the results and puts the case as used into it. Collective.
+    fn open_folder(&self, folder: &Path) -> Result<(), io::Error> {
+        let made = if self.part.comm.rank() == 0 {
+            let case = folder.join("case.toml");
+            std::fs::create_dir_all(folder).map_err(|e| io::Error::file(folder, e)).and_then(|()| {
+                std::fs::write(&case, &self.case.effective).map_err(|e| io::Error::file(&case, e))
+            })
+        } else {
+            Ok(())
+        };
+        io::Error::agree(&self.part.comm, made)
     }
 
-    /// Length of the next step [s]. Collective.
-    pub fn next_dt(&self) -> f64 {
+    /// u at local nodes [m/s], computed or given.
+    pub fn velocity(&self) -> &[[f64; 3]] {
+        self.flow.as_ref().map_or(&self.given, |flow| &flow.u)
+    }
+
+    fn snapshot(&self) -> Snapshot<'_> {
+        Snapshot {
+            t: self.clock.t,
+            u: self.velocity(),
+            p: self.flow.as_ref().map_or(&[], |flow| &flow.p),
+            phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
+        }
+    }
+
+    fn line(&self, report: &StepReport, courant: f64) -> Line {
+        let volume = &report.volume;
+        Line {
+            t: self.clock.t,
+            step: self.clock.step,
+            dt: report.dt,
+            courant,
+            iterations: report.flow.iterations,
+            volume_error: (volume.volume - volume.target) / volume.target.max(f64::MIN_POSITIVE),
+        }
+    }
+
+    fn history(&self, report: &StepReport, courant: f64) -> [f64; 15] {
+        let (flow, volume) = (&report.flow, &report.volume);
+        [
+            self.clock.step as f64,
+            self.clock.t,
+            report.dt,
+            courant,
+            flow.iterations.into(),
+            flow.residual / flow.initial_residual.max(f64::MIN_POSITIVE),
+            report.phase_iterations.into(),
+            volume.volume,
+            volume.error,
+            volume.inflow,
+            volume.correction,
+            volume.corrected,
+            volume.bodies.into(),
+            flow.kinetic,
+            flow.potential,
+        ]
+    }
+
+    /// Length of the next step [s], for flow that crosses `rate` cells a second; it ends on the next of the
+    /// times `due`, unless the case gives the step.
+    fn next_dt(&self, rate: f64, due: impl Iterator<Item = f64>) -> f64 {
         let time = &self.case.time;
-        let remaining = time.end - self.clock.t;
-        let wanted = match time.step {
-            Some(step) => step,
+        let t = self.clock.t;
+        let (wanted, stop) = match time.step {
+            Some(step) => (step, time.end),
             None => {
-                let courant = time.max_cfl / self.courant_rate();
                 let growth =
-                    if self.clock.step == 0 { time.first_step } else { 1.2 * self.clock.dt };
-                courant.min(growth).min(time.max_step)
+                    if self.clock.step == 0 { time.first_step } else { GROWTH * self.clock.dt };
+                let mut wanted = growth.min(time.max_step).min(time.max_cfl / rate);
+                if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {
+                    let g = crate::fem::norm(self.case.gravity);
+                    wanted = wanted.min(WAVE_LIMIT * (phase.cell() / g).sqrt());
+                }
+                let next = due.filter(|&d| d > t * (1.0 + 1e-9)).fold(time.end, f64::min);
+                (wanted, next)
             }
         };
-        // The end is met with equal steps, not with a last crumb.
-        if remaining <= wanted * (1.0 + 1e-9) {
-            remaining
-        } else if remaining < 2.0 * wanted {
-            0.5 * remaining
+        let left = stop - t;
+        // The stop is met with equal steps, not with a last crumb.
+        if left <= wanted * (1.0 + 1e-9) {
+            left
+        } else if left < 2.0 * wanted {
+            0.5 * left
         } else {
             wanted
         }
     }
 }
 
+/// The given velocity at time `t`.
 fn prescribe(case: &Case, part: &MeshPart, t: f64, velocity: &mut [[f64; 3]]) {
     if let Some(formula) = &case.prescribed_velocity {
         for (u, &x) in velocity.iter_mut().zip(&part.mesh.nodes) {

@@ -41,7 +41,7 @@ pub enum Error {
 
 impl Error {
     /// An error on one rank becomes an error on all. Collective.
-    pub(crate) fn agree<T>(comm: &Communicator, mine: Result<T, Self>) -> Result<T, Self> {
+    pub fn agree<T>(comm: &Communicator, mine: Result<T, Self>) -> Result<T, Self> {
         comm.agree(mine).map_err(Self::Agreed)
     }
 

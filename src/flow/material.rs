@@ -70,6 +70,11 @@ impl Material {
         }
     }
 
+    /// g [m/s²]
+    pub fn gravity(&self) -> [f64; 3] {
+        self.gravity
+    }
+
     /// Density at node `i` [kg/m³].
     pub fn density(&self, i: usize) -> f64 {
         self.gas.density + (self.liquid.density - self.gas.density) * self.phi[i]

@@ -69,6 +69,10 @@ pub struct FlowReport {
     pub initial_residual: f64,
     /// Residual at the end.
     pub residual: f64,
+    /// ∫ ½ρ u² at the end [J].
+    pub kinetic: f64,
+    /// −∫ ρ g·x of the step's densities [J].
+    pub potential: f64,
     /// Time for element matrices.
     pub assembly: Duration,
     /// Time for preconditioner and solve.
@@ -184,35 +188,19 @@ impl Flow {
             *u = [x[0], x[1], x[2]];
             *p = x[3];
         }
-        self.find_fine_scale(part, material, dt, theta);
+        [report.kinetic, report.potential] = self.find_fine_scale(part, material, dt, theta);
         self.dt_old = dt;
         self.steps += 1;
         Ok(report)
     }
 
-    /// Kinetic energy of this rank's elements [J].
-    pub fn kinetic_energy(&self, part: &MeshPart, material: &Material) -> f64 {
-        let mesh = &part.mesh;
-        let energy = |e: usize| {
-            let tet = &mesh.tets[e];
-            let x = tet.map(|n| mesh.nodes[n as usize]);
-            let t = Tetrahedron::new(x);
-            let u = tet.map(|n| self.u[n as usize]);
-            let mut square = 0.0;
-            for k in 0..3 {
-                let sum: f64 = (0..4).map(|i| u[i][k]).sum();
-                square += sum * sum + (0..4).map(|i| u[i][k] * u[i][k]).sum::<f64>();
-            }
-            0.5 * material.element(tet, &x, &t).rho * t.volume / 20.0 * square
-        };
-        part.sum((0..part.n_owned_elements).map(energy).sum())
-    }
-
+    /// Element `e` of the step that began with the velocity `old`.
     fn element(
         &self,
         part: &MeshPart,
         material: &Material,
         e: usize,
+        old: &[[f64; 3]],
         dt: f64,
         theta: f64,
     ) -> Element {
@@ -229,7 +217,6 @@ impl Flow {
                 }
             }
         }
-        let old = &self.u;
         Element {
             geometry,
             material,
@@ -252,7 +239,7 @@ impl Flow {
         self.pressure.clear();
         self.rhs.fill([0.0; 4]);
         for e in 0..part.n_assembled_elements {
-            let system = self.element(part, material, e, dt, theta).system();
+            let system = self.element(part, material, e, &self.u, dt, theta).system();
             let tet = &part.mesh.tets[e];
             for i in 0..4 {
                 if self.slots[e][4 * i] == u32::MAX {
@@ -410,15 +397,28 @@ impl Flow {
         )
     }
 
-    /// u' of every local element, with uⁿ now in `u_old` and uⁿ⁺¹ in `u`.
-    fn find_fine_scale(&mut self, part: &MeshPart, material: &Material, dt: f64, theta: f64) {
-        std::mem::swap(&mut self.u_old, &mut self.u);
+    /// u' of every local element and, on the way, the energies of all owned ones. Collective.
+    fn find_fine_scale(
+        &mut self,
+        part: &MeshPart,
+        material: &Material,
+        dt: f64,
+        theta: f64,
+    ) -> [f64; 2] {
+        let mut energies = [0.0; 2];
         for e in 0..part.mesh.tets.len() {
             let tet = &part.mesh.tets[e];
-            let u_new = tet.map(|n| self.u_old[n as usize]);
+            let u_new = tet.map(|n| self.u[n as usize]);
             let p = tet.map(|n| self.p[n as usize]);
-            self.fine_scale[e] = self.element(part, material, e, dt, theta).fine_scale(&u_new, &p);
+            let element = self.element(part, material, e, &self.u_old, dt, theta);
+            self.fine_scale[e] = element.fine_scale(&u_new, &p);
+            if e < part.n_owned_elements {
+                let x = tet.map(|n| part.mesh.nodes[n as usize]);
+                energies[0] += element.kinetic_energy(&u_new);
+                energies[1] += element.potential_energy(&x, material.gravity());
+            }
         }
-        std::mem::swap(&mut self.u_old, &mut self.u);
+        part.comm.sum_all(&mut energies);
+        energies
     }
 }

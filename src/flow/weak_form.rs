@@ -150,4 +150,22 @@ impl Element {
                 * (rho * (change / self.dt + dot(a, du[k])) + grad_p[k] - f - dot(two_eps, grad_mu))
         })
     }
+
+    /// ∫ ½ρ u² of nodal velocities [J].
+    #[inline]
+    pub fn kinetic_energy(&self, u: &[[f64; 3]; 4]) -> f64 {
+        let mut square = 0.0;
+        for k in 0..3 {
+            let sum = u[0][k] + u[1][k] + u[2][k] + u[3][k];
+            square += sum * sum + u.iter().map(|u| u[k] * u[k]).sum::<f64>();
+        }
+        0.5 * self.material.rho * self.geometry.volume / 20.0 * square
+    }
+
+    /// −∫ ρ g·x [J].
+    #[inline]
+    pub fn potential_energy(&self, x: &[[f64; 3]; 4], g: [f64; 3]) -> f64 {
+        let height: f64 = x.iter().map(|&x| -dot(g, x)).sum::<f64>() * 0.25;
+        self.material.rho * self.geometry.volume * height
+    }
 }

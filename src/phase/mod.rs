@@ -182,6 +182,11 @@ impl Phase {
         self.delta
     }
 
+    /// h, the cell size at the interface [m].
+    pub fn cell(&self) -> f64 {
+        self.cell
+    }
+
     /// Targets and sums of the volume correction.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger

@@ -1,0 +1,117 @@
+//! Checkpoints: everything a later step depends on, by global id, so that a run goes on on any number of
+//! ranks; on the same number, bit for bit.
+
+use super::{Clock, RunError, Simulation};
+use crate::phase::State;
+use io::checkpoint::{self, Checkpoint, Group, Values};
+use std::path::{Path, PathBuf};
+
+impl Simulation {
+    /// Writes a checkpoint into `folder`. Collective.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_checkpoint(&self, folder: &Path) -> Result<PathBuf, RunError> {
+        let phase = self.phase.as_ref().map(|phase| phase.state()).unwrap_or_default();
+        let mut nodal: Vec<(&str, usize, Values)> =
+            phase.nodal.iter().map(|(name, v)| (*name, 1, Values::F64(v))).collect();
+        let mut scalars = vec![("t_phase", self.clock.t_phase), ("dt", self.clock.dt)];
+        let mut elements: Vec<(&str, usize, Values)> = Vec::new();
+        if let Some(flow) = &self.flow {
+            nodal.push(("u", 3, Values::F64(flow.u.as_flattened())));
+            nodal.push(("u_old", 3, Values::F64(flow.u_old.as_flattened())));
+            nodal.push(("p", 1, Values::F64(&flow.p)));
+            elements.push(("fine_scale", 3, Values::F64(flow.fine_scale.as_flattened())));
+            scalars.push(("dt_old", flow.dt_old));
+        }
+        let lists: Vec<(String, f64)> = phase
+            .global
+            .iter()
+            .flat_map(|(name, list)| {
+                let length = (format!("{name}.length"), list.len() as f64);
+                let items = list.iter().enumerate().map(move |(i, &v)| (format!("{name}.{i}"), v));
+                std::iter::once(length).chain(items)
+            })
+            .collect();
+        scalars.extend(lists.iter().map(|(name, v)| (name.as_str(), *v)));
+        let part = &self.part;
+        let state = checkpoint::State {
+            case: &self.identity(),
+            step: self.clock.step,
+            time: self.clock.t,
+            scalars: &scalars,
+            groups: &[
+                Group { name: "nodes", ids: &part.nodes.global[..part.n_owned()], arrays: &nodal },
+                Group {
+                    name: "elements",
+                    ids: &part.element_global[..part.n_owned_elements],
+                    arrays: &elements,
+                },
+            ],
+        };
+        Ok(checkpoint::write(&part.comm, folder, &state)?)
+    }
+
+    /// Goes on from a checkpoint, or the newest one in a folder. Collective.
+    ///
+    /// # Errors
+    /// No checkpoint there, a broken one, one of another mesh.
+    pub fn restore(&mut self, path: &Path) -> Result<(), RunError> {
+        let part = &self.part;
+        let found = checkpoint::find(path);
+        if part.comm.any(found.is_none()) {
+            return Err(io::Error::file(path, "there is no checkpoint here").into());
+        }
+        let found = found.expect("every rank found it");
+        let saved = Checkpoint::open(&part.comm, &found)?;
+        if saved.case() != self.identity() {
+            let message = format!("is of another case: {}, not {}", saved.case(), self.identity());
+            return Err(io::Error::file(&found, message).into());
+        }
+        let nodes =
+            |name: &str, components| saved.read_f64("nodes", name, components, &part.nodes.global);
+        let scalar = |name: &str| saved.scalar(name);
+        if let Some(phase) = &mut self.phase {
+            let mut state: State = phase.state();
+            for (name, values) in &mut state.nodal {
+                *values = nodes(name, 1)?;
+            }
+            for (name, list) in &mut state.global {
+                let length = scalar(&format!("{name}.length"))? as usize;
+                *list = (0..length)
+                    .map(|i| scalar(&format!("{name}.{i}")))
+                    .collect::<Result<_, _>>()?;
+            }
+            phase.restore(part, &state);
+            self.material.set_phase(&phase.phi);
+        }
+        if let Some(flow) = &mut self.flow {
+            let vectors = |flat: Vec<f64>| flat.as_chunks::<3>().0.to_vec();
+            flow.u = vectors(nodes("u", 3)?);
+            flow.u_old = vectors(nodes("u_old", 3)?);
+            flow.p = nodes("p", 1)?;
+            let ids = &part.element_global;
+            flow.fine_scale = vectors(saved.read_f64("elements", "fine_scale", 3, ids)?);
+            flow.dt_old = scalar("dt_old")?;
+            flow.steps = saved.step();
+        }
+        self.clock = Clock {
+            t: saved.time(),
+            step: saved.step(),
+            t_phase: scalar("t_phase")?,
+            dt: scalar("dt")?,
+        };
+        Ok(())
+    }
+
+    /// What must agree for a state to fit: the mesh and what is computed on it.
+    fn identity(&self) -> String {
+        format!(
+            "{} nodes, {} tetrahedra, flow {}, free surface {}",
+            self.size.nodes,
+            self.size.elements,
+            self.flow.is_some(),
+            self.phase.is_some()
+        )
+    }
+}
