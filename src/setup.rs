@@ -3,6 +3,7 @@
 use crate::case::{Case, CaseError, MeshSource};
 use crate::flow::{Flow, Material};
 use crate::mesh::quality::{self, Quality};
+use crate::mesh::tetrahedron::Tetrahedron;
 use crate::mesh::{Mesh, MeshError, MeshPart, boxes, import};
 use crate::phase::{Phase, inflow::Inflow, initial};
 use partition::Communicator;
@@ -56,6 +57,13 @@ pub enum SetupError {
     /// What another rank found wrong.
     #[error("{0}")]
     Elsewhere(String),
+}
+
+/// (6V)^(1/3) of the smallest element [m]: the cell size where the mesh is a grid. Collective.
+pub fn smallest_cell(part: &MeshPart) -> f64 {
+    let volume = |e: usize| Tetrahedron::of(&part.mesh, e).volume;
+    let least = (0..part.n_owned_elements).map(volume).fold(f64::INFINITY, f64::min);
+    (6.0 * part.comm.min(least)).cbrt()
 }
 
 /// Initial velocity at local nodes [m/s].

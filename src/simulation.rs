@@ -22,6 +22,8 @@ use std::time::Instant;
 
 /// A step is at most this much longer than the one before.
 const GROWTH: f64 = 1.2;
+/// In the first step a fluid at rest falls at most this fraction of the smallest cell.
+const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
 
@@ -44,6 +46,8 @@ pub struct Simulation {
     /// Of the mesh before refinement, on rank 0.
     pub quality: Option<Quality>,
     size: Size,
+    /// (6V)^(1/3) of the smallest element [m].
+    smallest: f64,
     gauges: Option<Gauges>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
@@ -163,6 +167,7 @@ impl Simulation {
             stages: Stages::default(),
             quality,
             size: Size { nodes: balance.nodes(), elements: balance.elements() },
+            smallest: setup::smallest_cell(&part),
             gauges,
             inflow,
             inflow_values: Vec::new(),
@@ -346,11 +351,14 @@ impl Simulation {
         let (wanted, stop) = match time.step {
             Some(step) => (step, time.end),
             None => {
-                let growth =
-                    if self.clock.step == 0 { time.first_step } else { GROWTH * self.clock.dt };
+                let g = crate::fem::norm(self.case.gravity);
+                let growth = match time.first_step {
+                    _ if self.clock.step > 0 => GROWTH * self.clock.dt,
+                    Some(first) => first,
+                    None => FIRST_FALL.sqrt() * (2.0 * self.smallest / g).sqrt(),
+                };
                 let mut wanted = growth.min(time.max_step).min(time.max_cfl / rate);
                 if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {
-                    let g = crate::fem::norm(self.case.gravity);
                     wanted = wanted.min(WAVE_LIMIT * (phase.cell() / g).sqrt());
                 }
                 let next = due.filter(|&d| d > t * (1.0 + 1e-9)).fold(time.end, f64::min);

@@ -118,16 +118,18 @@ fn time(file: &mut CaseFile) -> Result<Time, Problem> {
             }
         }
         positive("time.step", step)?;
-        return Ok(Time { end, step: Some(step), max_cfl: 1.0, max_step: step, first_step: step });
+        return Ok(Time { end, step: Some(step), max_cfl: 1.0, max_step: step, first_step: None });
     }
     let max_cfl = positive("time.max_cfl", *time.max_cfl.get_or_insert(1.0))?;
-    let max_step = positive("time.max_step", *time.max_step.get_or_insert(end / 200.0))?;
-    let first_step = positive("time.first_step", *time.first_step.get_or_insert(0.01 * max_step))?;
-    if first_step > max_step {
-        let message = format!("{first_step} s is longer than time.max_step, {max_step} s");
-        return refuse("time.first_step", message);
+    let max_step = positive("time.max_step", *time.max_step.get_or_insert(end))?;
+    if let Some(first_step) = time.first_step {
+        positive("time.first_step", first_step)?;
+        if first_step > max_step {
+            let message = format!("{first_step} s is longer than time.max_step, {max_step} s");
+            return refuse("time.first_step", message);
+        }
     }
-    Ok(Time { end, step: None, max_cfl, max_step, first_step })
+    Ok(Time { end, step: None, max_cfl, max_step, first_step: time.first_step })
 }
 
 fn fluids(file: &CaseFile) -> Result<(Fluid, Option<Fluid>), Problem> {

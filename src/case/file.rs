@@ -372,10 +372,10 @@ pub struct TimeTable {
     /// The fastest fluid crosses at most this many cells a step (default 1).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_cfl: Option<f64>,
-    /// No step is longer [s] (default end/200).
+    /// No step is longer [s] (default: no limit but `end`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_step: Option<f64>,
-    /// The first step [s] (default max_step/100).
+    /// The first step [s] (default: a fluid at rest falls 1 % of a cell).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_step: Option<f64>,
 }

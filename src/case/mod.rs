@@ -145,8 +145,8 @@ pub struct Time {
     pub max_cfl: f64,
     /// Largest step [s].
     pub max_step: f64,
-    /// First step [s].
-    pub first_step: f64,
+    /// First step [s]; `None`: a fluid at rest falls 1 % of a cell.
+    pub first_step: Option<f64>,
 }
 
 /// How φ is regularised.

@@ -33,7 +33,8 @@ pub struct Line {
 impl Progress {
     /// From `t_start` to `t_end` [s]; silent unless `shown`.
     pub fn new(shown: bool, t_start: f64, t_end: f64) -> Self {
-        let terminal = std::io::stdout().is_terminal();
+        // mpirun makes standard output look like a terminal, but not standard error.
+        let terminal = std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         Self { shown, terminal, started: Instant::now(), last: None, t_start, t_end }
     }
 
