@@ -1,0 +1,357 @@
+//! Bad input, each kind with its exact message, on one rank and on two: the program says what is wrong
+//! in one sentence, with file, line and key, and ends with status 2. No panic, no hang.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A good case; each line below spoils it.
+const GOOD: &str = r#"title = "tank"
+gravity = [0, 0, -9.81]
+
+[mesh]
+box = { x = [0, 2], y = [0, 1], z = [0, 1], cells = [8, 4, 4] }
+holes = [{ name = "pier", x = [0.5, 0.75], y = [0.25, 0.5], z = [0, 1] }]
+jitter = 0.1
+
+[boundaries]
+default = "slip"
+x_min = { velocity = ["sin(t)", 0, 0], water = "z < 0.5" }
+x_max = { wave_maker = "in.csv", column = "u", direction = [-1, 0, 0] }
+z_max = "open"
+
+[initial]
+water = "z < 0.5"
+velocity = [0, 0, 0]
+
+[water]
+density = 1000
+viscosity = 1e-3
+
+[air]
+density = 1.2
+
+[free_surface]
+thickness_cells = 1
+regularisation = "psi"
+
+[time]
+end = 1.0
+max_cfl = 1
+
+[solver]
+tolerance = 1e-3
+
+[output]
+fields_every = 0.1
+
+[[gauge]]
+name = "H1"
+water_level = [[1, 0.5, 0], [1, 0.5, 1]]
+
+[[gauge]]
+name = "P1"
+pressure = [1, 0.5, 0.1]
+"#;
+
+/// The table of `GOOD`.
+const TABLE: &str = "t, u\n0, 0\n0.5, 1\n2, 1\n";
+
+/// What replaces what in the good case, and what the program then says after `error: case.toml`.
+const BAD_CASES: &[(&str, &str, &str)] = &[
+    // Not TOML at all.
+    (
+        "end = 1.0",
+        "end = 1,0",
+        ":31: not valid TOML: unexpected key or value, expected newline, `#`",
+    ),
+    ("[time]", "[time", ":30: not valid TOML: unclosed table, expected `]`"),
+    (
+        "\"slip\"",
+        "slip",
+        ":10: not valid TOML: string values must be quoted, expected literal string",
+    ),
+    ("z_max = \"open\"", "x_min = \"open\"", ":13: x_min: given twice"),
+    // Keys.
+    ("viscosity", "viscosty", ":21: water.viscosty: unknown key; did you mean \"viscosity\"?"),
+    ("[solver]", "[sover]", ":34: sover: unknown key; did you mean \"solver\"?"),
+    (
+        "jitter = 0.1",
+        "periodic = true",
+        ":7: mesh.periodic: unknown key; valid keys: box, file, holes, jitter, jitter_seed, refine",
+    ),
+    ("end = 1.0", "", ":30: time: the key \"end\" is missing"),
+    (
+        "default = \"slip\"",
+        "",
+        ":9: boundaries: the key \"default\" is missing: the condition of boundaries not named",
+    ),
+    (
+        ", cells = [8, 4, 4]",
+        "",
+        ":5: mesh.box: the key \"cells\" is missing: numbers of cells along x, y, z",
+    ),
+    (
+        "column = \"u\", ",
+        "",
+        ":12: boundaries.x_max: the key \"column\" is missing: the wave_maker's column of speeds",
+    ),
+    // Words.
+    (
+        "\"open\"",
+        "\"opne\"",
+        ":13: boundaries.z_max: unknown word \"opne\"; did you mean \"open\"?",
+    ),
+    (
+        "\"slip\"",
+        "\"periodic\"",
+        ":10: boundaries.default: unknown word \"periodic\"; valid words: no_slip, slip, open",
+    ),
+    (
+        "\"psi\"",
+        "\"PSY\"",
+        ":28: free_surface.regularisation: unknown word \"PSY\"; did you mean \"psi\"?",
+    ),
+    (
+        "z_max",
+        "zmax",
+        ":13: boundaries.zmax: the mesh has no boundary of this name; did you mean \"z_max\"?",
+    ),
+    (
+        "fields_every = 0.1",
+        "fields_every = \"step\"",
+        ":38: output.fields_every: takes a time in seconds or \"never\"",
+    ),
+    // Types.
+    (
+        "density = 1000",
+        "density = \"1000 kg\"",
+        ":20: water.density: a number expected, found \"1000 kg\"",
+    ),
+    (
+        "gravity = [0, 0, -9.81]",
+        "gravity = -9.81",
+        ":2: gravity: a list of 3 values expected, found -9.81",
+    ),
+    (
+        "gravity = [0, 0, -9.81]",
+        "gravity = [0, -9.81]",
+        ":2: gravity: a list of 3 values expected, found 2 values",
+    ),
+    (
+        "cells = [8, 4, 4]",
+        "cells = [8, 4, 4.5]",
+        ":5: mesh.box.cells[3]: a whole number, 0 or more, expected, found 4.5",
+    ),
+    (
+        "cells = [8, 4, 4]",
+        "cells = [8, -4, 4]",
+        ":5: mesh.box.cells[2]: a whole number, 0 or more, expected, found -4",
+    ),
+    (
+        "\"open\"",
+        "0",
+        ":13: boundaries.z_max: a word (no_slip, slip, open) or a table with velocity, pressure or wave_maker expected, found 0",
+    ),
+    (
+        "water = \"z < 0.5\"\nvelocity",
+        "water = 0.5\nvelocity",
+        ":16: initial.water: true, false or a condition such as \"z < 0.5\" expected, found 0.5",
+    ),
+    (
+        "x = [0, 2]",
+        "x = [0, 1, 2]",
+        ":5: mesh.box.x: a range [from, to] or a table with edges and cells or sizes expected, found 3 values",
+    ),
+    // Numbers.
+    ("density = 1000", "density = -1000", ":20: water.density: must be greater than 0, is -1000"),
+    ("density = 1.2", "density = nan", ":24: air.density: must be a finite number, is NaN"),
+    (
+        "viscosity = 1e-3",
+        "viscosity = -1e-3",
+        ":21: water.viscosity: must not be negative, is -0.001",
+    ),
+    ("end = 1.0", "end = 0", ":31: time.end: must be greater than 0, is 0"),
+    ("end = 1.0", "end = inf", ":31: time.end: must be a finite number, is inf"),
+    (
+        "max_cfl = 1",
+        "max_cfl = 1\nstep = 0.01",
+        ":32: time.max_cfl: has no effect beside a fixed time.step",
+    ),
+    (
+        "tolerance = 1e-3",
+        "tolerance = 10",
+        ":35: solver.tolerance: must lie between 0 and 1, is 10",
+    ),
+    ("x = [0, 2]", "x = [2, 0]", ":5: mesh.box.x: must increase, but 2 is followed by 0"),
+    (
+        "cells = [8, 4, 4]",
+        "cells = [8, 0, 4]",
+        ":5: mesh.box.cells[2]: must lie between 1 and 1000000, is 0",
+    ),
+    ("jitter = 0.1", "jitter = 0.9", ":7: mesh.jitter: must lie between 0 and 0.3, is 0.9"),
+    (
+        "x = [0.5, 0.75]",
+        "x = [0.5, 0.8]",
+        ":6: mesh.holes[1].x: 0.8 is on no grid line; the nearest is 0.75",
+    ),
+    (
+        "direction = [-1, 0, 0]",
+        "direction = [0, 0, 0]",
+        ":12: boundaries.x_max.direction: must not be zero",
+    ),
+    // Formulas.
+    (
+        "sin(t)",
+        "sim(t)",
+        ":11: boundaries.x_min.velocity[1]: unknown name \"sim\"; did you mean \"sin\"?",
+    ),
+    ("sin(t)", "2*(t + 1", ":11: boundaries.x_min.velocity[1]: a closing parenthesis is missing"),
+    (
+        "sin(t)",
+        "log(t)",
+        ":11: boundaries.x_min.velocity[1]: is -inf at x = 0, y = 0.507, z = 0.961, t = 0",
+    ),
+    (
+        "water = \"z < 0.5\"\nvelocity",
+        "water = \"z - 0.5\"\nvelocity",
+        ":16: initial.water: a condition such as z < 0.5 was expected, not a number",
+    ),
+    // Contradictions.
+    (
+        "[air]\ndensity = 1.2\n",
+        "",
+        ":24: free_surface: without the table [air] there is no free surface",
+    ),
+    (
+        "sin(t)\", 0, 0]",
+        "sin(t)\", 0, 0], pressure = 0",
+        ":11: boundaries.x_min: needs one of velocity, pressure, wave_maker",
+    ),
+    ("jitter = 0.1", "file = \"in.csv\"", ":7: mesh.file: the mesh is a box or a file, not both"),
+    ("\"P1\"", "\"H1\"", ":45: gauge[2].name: another gauge is called \"H1\" too"),
+    ("pressure = [1, 0.5, 0.1]", "", ":44: gauge[2]: needs one of water_level, pressure, velocity"),
+    // Tables.
+    ("in.csv", "out.csv", ":12: boundaries.x_max.wave_maker: out.csv: no such file"),
+    (
+        "column = \"u\"",
+        "column = \"v\"",
+        ":12: boundaries.x_max.column: in.csv: has no column \"v\"; valid columns: t, u",
+    ),
+    (
+        "end = 1.0",
+        "end = 3.0",
+        ":12: boundaries.x_max.wave_maker: in.csv: covers 0 s to 2 s, the run 0 s to 3 s",
+    ),
+];
+
+/// What a table holds instead, and what the program then says after the place of its column.
+const BAD_TABLES: &[(&str, &str)] = &[
+    ("t, u\n0, 0\n0.5, abc\n2, 1\n", "in.csv:3: \"abc\" is no number"),
+    ("t, u\n0, 0\n0.5\n2, 1\n", "in.csv:3: 1 values in a table of 2 columns"),
+    ("t, u\n0, 0\n2, 1\n1, 1\n", "in.csv:4: time 1 does not come after the row before"),
+    ("t, u\n", "in.csv: has no rows"),
+];
+
+/// Arguments, and what the program then says.
+const BAD_ARGUMENTS: &[(&[&str], &str)] = &[
+    (&["nowhere.toml"], "error: nowhere.toml: no such file"),
+    (&["binary.toml"], "error: binary.toml: is not text (UTF-8)"),
+    (
+        &["case.toml", "--step", "3"],
+        "error: unexpected argument '--step' found\n\n  tip: a similar argument exists: '--steps'\n\n\
+         Usage: fcm-fsi --steps <N> <CASE>\n\nFor more information, try '--help'.",
+    ),
+    (
+        &["case.toml", "--steps", "few"],
+        "error: invalid value 'few' for '--steps <N>': invalid digit found in string\n\n\
+         For more information, try '--help'.",
+    ),
+];
+
+#[test]
+fn one_rank_refuses_each_with_its_message() {
+    refuses_all(1);
+}
+
+#[test]
+fn two_ranks_refuse_each_with_one_message() {
+    refuses_all(2);
+}
+
+fn refuses_all(ranks: usize) {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("bad_input_{ranks}"));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut wrong = Vec::new();
+    let mut expect = |arguments: &[&str], expected: &str| {
+        let found = run(&folder, ranks, arguments);
+        if found != Ok((2, expected.to_string())) {
+            wrong.push(format!("{arguments:?}\n  expected {expected:?}\n  found    {found:?}"));
+        }
+    };
+    write(&folder, "in.csv", TABLE);
+    for (from, to, message) in BAD_CASES {
+        assert!(GOOD.contains(from), "the good case has no {from:?}");
+        write(&folder, "case.toml", &GOOD.replacen(from, to, 1));
+        expect(&["case.toml"], &format!("error: case.toml{message}"));
+    }
+    write(&folder, "case.toml", GOOD);
+    for (table, message) in BAD_TABLES {
+        write(&folder, "in.csv", table);
+        expect(&["case.toml"], &format!("error: case.toml:12: boundaries.x_max.column: {message}"));
+    }
+    write(&folder, "in.csv", TABLE);
+    std::fs::write(folder.join("binary.toml"), [b'a', 0xff, 0xfe]).unwrap();
+    for (arguments, message) in BAD_ARGUMENTS {
+        expect(arguments, message);
+    }
+    assert!(wrong.is_empty(), "{} of them on {ranks} ranks:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).unwrap();
+}
+
+/// Exit status and error output of the program, run in a folder.
+fn run(folder: &Path, ranks: usize, arguments: &[&str]) -> Result<(i32, String), String> {
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_fcm-fsi"));
+    let mut command = if ranks == 1 {
+        Command::new(program)
+    } else {
+        let mut command = Command::new("mpirun");
+        // Quiet: mpirun's own words about the exit status are not the program's.
+        command.args(["-q", "-n", &ranks.to_string()]).arg(program);
+        command
+    };
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(|e| e.to_string())?;
+    let mut stderr = child.stderr.take().expect("it is piped");
+    let reader = std::thread::spawn(move || {
+        let mut text = String::new();
+        stderr.read_to_string(&mut text).map(|_| text)
+    });
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+            break status;
+        }
+        if start.elapsed() > Duration::from_secs(60) {
+            let _ = Command::new("kill").arg(child.id().to_string()).status();
+            return Err("no end after 60 s".into());
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let text = reader.join().expect("reading does not panic").map_err(|e| e.to_string())?;
+    let code = status.code().ok_or_else(|| format!("{status}: {text}"))?;
+    Ok((code, text.trim_end().to_string()))
+}
