@@ -248,10 +248,10 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
 
 /// What a table holds instead, and what the program then says after the place of its column.
 const BAD_TABLES: &[(&str, &str)] = &[
-    ("t, u\n0, 0\n0.5, abc\n2, 1\n", "in.csv:3: \"abc\" is no number"),
-    ("t, u\n0, 0\n0.5\n2, 1\n", "in.csv:3: 1 values in a table of 2 columns"),
-    ("t, u\n0, 0\n2, 1\n1, 1\n", "in.csv:4: time 1 does not come after the row before"),
-    ("t, u\n", "in.csv: has no rows"),
+    ("t, u\n0, 0\n0.5, abc\n2, 1\n", "in.csv:3: `abc` in column `u` is no number"),
+    ("t, u\n0, 0\n0.5\n2, 1\n", "in.csv:3: 1 values for 2 columns (t, u)"),
+    ("t, u\n0, 0\n2, 1\n1, 1\n", "in.csv: time 1 does not come after 2"),
+    ("t, u\n", "in.csv: has no lines of numbers"),
 ];
 
 /// Arguments, and what the program then says.

@@ -4,6 +4,7 @@
 use super::error::{CaseError, Source};
 use super::file::{BoundaryEntry, CaseFile, Expression};
 use super::formula::TimeSeries;
+use super::nearest::did_you_mean;
 use super::reader::{Misfit, Tree};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -88,16 +89,31 @@ impl Sources {
         Source { file: self.file.clone(), text: self.text.clone() }
     }
 
-    /// A column of a table against its column "t".
+    /// A column of a table against its column "t". Names may be followed by a unit: `t [s]`.
     ///
     /// # Errors
     /// One sentence that begins with the table's name and line.
     pub fn series(&self, table: &str, column: &str) -> Result<TimeSeries, String> {
         let text = self.tables.get(table).expect("every table named was read");
-        series(text, column).map_err(|(line, message)| match line {
-            Some(line) => format!("{table}:{line}: {message}"),
-            None => format!("{table}: {message}"),
-        })
+        let rows = io::Table::parse(Path::new(table), text).map_err(|e| e.to_string())?;
+        let names: Vec<&str> = rows
+            .columns
+            .iter()
+            .map(|name| name.split_once('[').map_or(&**name, |(name, _)| name.trim_end()))
+            .collect();
+        let find = |name: &str| {
+            names.iter().position(|n| *n == name).ok_or_else(|| {
+                let hint = did_you_mean(name, &names, "columns");
+                format!("{table}: has no column \"{name}\"; {hint}")
+            })
+        };
+        let (time, value) = (find("t")?, find(column)?);
+        let of = |i: usize| rows.rows.iter().map(|row| row[i]).collect();
+        let series = TimeSeries { times: of(time), values: of(value) };
+        match series.times.windows(2).find(|t| t[1] <= t[0]) {
+            Some(t) => Err(format!("{table}: time {} does not come after {}", t[1], t[0])),
+            None => Ok(series),
+        }
     }
 }
 
@@ -141,49 +157,4 @@ fn reason(error: &std::io::Error) -> String {
 fn text_of(path: &Path) -> Result<String, String> {
     let bytes = std::fs::read(path).map_err(|error| reason(&error))?;
     String::from_utf8(bytes).map_err(|_| "is not text (UTF-8)".into())
-}
-
-/// Reads a column; errors carry the line in the table.
-fn series(text: &str, column: &str) -> Result<TimeSeries, (Option<u64>, String)> {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let refused = |error: csv::Error| {
-        let line = error.position().map(|p| p.line());
-        match error.kind() {
-            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                (line, format!("{len} values in a table of {expected_len} columns"))
-            }
-            _ => (line, error.to_string()),
-        }
-    };
-    let header = reader.headers().map_err(refused)?.clone();
-    let find = |name: &str| {
-        header.iter().position(|h| h == name).ok_or_else(|| {
-            let names: Vec<&str> = header.iter().collect();
-            let hint = super::nearest::did_you_mean(name, &names, "columns");
-            (None, format!("has no column \"{name}\"; {hint}"))
-        })
-    };
-    let (time, value) = (find("t")?, find(column)?);
-    let mut series = TimeSeries { times: Vec::new(), values: Vec::new() };
-    for record in reader.records() {
-        let record = record.map_err(refused)?;
-        let line = record.position().map(|p| p.line());
-        let number = |i: usize| match record[i].parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err((line, format!("\"{}\" is no number", &record[i]))),
-        };
-        let (t, v) = (number(time)?, number(value)?);
-        if series.times.last().is_some_and(|last| t <= *last) {
-            return Err((line, format!("time {t} does not come after the row before")));
-        }
-        series.times.push(t);
-        series.values.push(v);
-    }
-    if series.times.is_empty() {
-        return Err((None, "has no rows".into()));
-    }
-    Ok(series)
 }
