@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use fcm_fsi::case::{Case, CaseError, CaseFile, Sources};
+use fcm_fsi::report::plan;
 use fcm_fsi::simulation::{Options, Simulation};
 use partition::Communicator;
 use std::path::{Path, PathBuf};
@@ -40,65 +41,70 @@ const BAD_INPUT: u8 = 2;
 fn main() -> ExitCode {
     let ranks = partition::start();
     let comm = ranks.world();
-    let first = comm.rank() == 0;
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(message) => {
-            if first {
+            if comm.rank() == 0 {
                 message.print().expect("the terminal can be written to");
             }
             return ExitCode::from(message.exit_code() as u8);
         }
     };
     if arguments.schema {
-        if first {
+        if comm.rank() == 0 {
             println!("{}", CaseFile::schema());
         }
         return ExitCode::SUCCESS;
     }
-    let path = arguments.case.as_ref().expect("clap asks for a case unless --schema is given");
-    let case = match read(path, &comm) {
-        Ok(case) => case,
-        Err(error) => return fail(first, &error, BAD_INPUT),
-    };
-    let mut simulation = match Simulation::new(case, &comm) {
-        Ok(simulation) => simulation,
-        Err(error) => return fail(first, &error, BAD_INPUT),
-    };
+    match run(arguments, &comm) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err((status, message)) => {
+            if comm.rank() == 0 {
+                eprintln!("error: {message}");
+            }
+            ExitCode::from(status)
+        }
+    }
+}
+
+/// All of it; an error comes with its exit status, and is the same on all ranks.
+fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
+    fn bad_input(error: impl ToString) -> (u8, String) {
+        (BAD_INPUT, error.to_string())
+    }
+    let path = arguments.case.expect("clap asks for a case unless --schema is given");
+    let case = read(&path, comm).map_err(bad_input)?;
     let options = Options {
-        out: arguments.out.unwrap_or_else(|| results_of(path)),
+        out: arguments.out.unwrap_or_else(|| results_of(&case.path)),
         restart: arguments.restart,
         steps: arguments.steps,
         quiet: arguments.quiet,
     };
-    match simulation.run(&options) {
-        Ok(summary) => {
-            if first && !options.quiet {
-                println!("{}\nresults in {}", summary.table(), options.out.display());
-            }
-            ExitCode::SUCCESS
+    let mut simulation = Simulation::new(case, comm).map_err(bad_input)?;
+    if arguments.check {
+        let plan = plan::of(&simulation.case, &simulation.part);
+        if comm.rank() == 0 {
+            println!("{plan}");
         }
-        Err(error) => fail(first, &error, RUN_FAILED),
+        return Ok(());
     }
+    let summary = simulation.run(&options).map_err(|error| (RUN_FAILED, error.to_string()))?;
+    if comm.rank() == 0 && !options.quiet {
+        println!("{}\nresults in {}", summary.table(), options.out.display());
+    }
+    Ok(())
 }
 
-fn fail(first: bool, error: &dyn std::error::Error, status: u8) -> ExitCode {
-    if first {
-        eprintln!("error: {error}");
-    }
-    ExitCode::from(status)
+/// `results/NAME` under the current folder: NAME is that of the file, or of its folder for a file called
+/// `case.toml`.
+fn results_of(case: &Path) -> PathBuf {
+    let stem = case.file_stem();
+    let folder = case.parent().and_then(Path::file_name);
+    let name = if stem.is_some_and(|s| s == "case") { folder.or(stem) } else { stem };
+    PathBuf::from("results").join(name.expect("a case file that was read has a name"))
 }
 
-/// `results/NAME`, after the case's folder (or its file, if that is not called case.toml).
-fn results_of(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
-    let own_name = path.is_dir() || path.file_name().is_some_and(|name| name != "case.toml");
-    let named = if own_name { Some(path.as_path()) } else { path.parent() };
-    let name = named.and_then(Path::file_stem).unwrap_or("case".as_ref());
-    Path::new("results").join(name)
-}
 /// The first rank reads, every rank checks the same texts, so all agree.
-
 fn read(path: &Path, comm: &Communicator) -> Result<Case, CaseError> {
     let mut message = Vec::new();
     if comm.rank() == 0 {

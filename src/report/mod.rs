@@ -4,6 +4,7 @@
 
 pub mod gauges;
 pub mod output;
+pub mod plan;
 pub mod progress;
 pub mod stages;
 pub mod summary;
