@@ -1,6 +1,6 @@
 //! What a case would take, before anything is computed: mesh, steps, memory.
 
-use crate::case::Case;
+use crate::case::{Boundary, Case};
 use crate::fem::{dot, norm, tetrahedron::Tetrahedron};
 use crate::mesh::MeshPart;
 use std::fmt;
@@ -16,8 +16,8 @@ pub struct Plan {
     pub tets_per_rank: [u64; 2],
     /// Smallest and largest element size h_e [m].
     pub size: [f64; 2],
-    /// Fastest fluid to be expected [m/s]: the given or initial speed, and that of a fall through the
-    /// height of the mesh, √(2gH).
+    /// Fastest fluid to be expected [m/s]: given, initial, flowing in, or falling through the height
+    /// of the mesh, √(2gH).
     pub speed: f64,
     /// Step [s] at that speed.
     pub step: f64,
@@ -41,6 +41,15 @@ pub fn of(case: &Case, part: &MeshPart) -> Plan {
         speed = speed.max(norm(given.each_ref().map(|f| f.at(*x, 0.0))));
         let up = -dot(case.gravity, *x) / gravity.max(f64::MIN_POSITIVE);
         height = [height[0].max(up), height[1].max(-up)];
+    }
+    for face in &mesh.boundary {
+        let name = &mesh.boundary_names[face.name as usize];
+        let Boundary::Velocity { velocity, .. } = case.boundary(name) else { continue };
+        for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            let x = mesh.nodes[face.nodes[0] as usize];
+            let u = velocity.each_ref().map(|f| f.at(x, share * case.time.end));
+            speed = speed.max(norm(u));
+        }
     }
     let fall = part.max(height[0]) + part.max(height[1]);
     let fall = if case.prescribed_velocity.is_some() { 0.0 } else { (2.0 * gravity * fall).sqrt() };
