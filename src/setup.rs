@@ -1,5 +1,6 @@
 //! Case → this rank's part of the mesh and the initial state.
 
+use crate::case::nearest::did_you_mean;
 use crate::case::{Case, CaseError, MeshSource};
 use crate::flow::{Flow, Material};
 use crate::mesh::quality::{self, Quality};
@@ -21,8 +22,9 @@ pub fn mesh(case: &Case, comm: &Communicator) -> Result<(MeshPart, Option<Qualit
     let part = MeshPart::distribute(comm, mesh, case.refine)?;
     for (name, _) in &case.boundaries {
         if !part.mesh.boundary_names.contains(name) {
-            let known = part.mesh.boundary_names.join(", ");
-            let message = format!("the mesh has no boundary of this name; it has {known}");
+            let names: Vec<&str> = part.mesh.boundary_names.iter().map(|n| &**n).collect();
+            let hint = did_you_mean(name, &names, "names");
+            let message = format!("the mesh has no boundary of this name; {hint}");
             return Err(case.source.error(&format!("boundaries.{name}"), message).into());
         }
     }
@@ -30,15 +32,18 @@ pub fn mesh(case: &Case, comm: &Communicator) -> Result<(MeshPart, Option<Qualit
 }
 
 /// The whole mesh, checked: rank 0 alone does this.
-fn read(case: &Case) -> Result<(Mesh, Quality), SetupError> {
-    let mesh = match &case.mesh {
-        MeshSource::Box(block) => boxes::box_mesh(block)?,
+fn read(case: &Case) -> Result<(Mesh, Quality), CaseError> {
+    let (key, mesh) = match &case.mesh {
+        MeshSource::Box(block) => ("mesh.box", boxes::box_mesh(block)),
         MeshSource::Gmsh(path) => {
-            let file = io::gmsh::read(path)?;
-            import::import(file.nodes, file.tets, &file.triangles, file.names)?
+            let file = io::gmsh::read(path);
+            let file = file.map_err(|e| case.source.error("mesh.file", e.to_string()))?;
+            ("mesh.file", import::import(file.nodes, file.tets, &file.triangles, file.names))
         }
     };
-    let quality = quality::check(&mesh)?;
+    let broken = |e: MeshError| case.source.error(key, e.to_string());
+    let mesh = mesh.map_err(broken)?;
+    let quality = quality::check(&mesh).map_err(broken)?;
     Ok((mesh, quality))
 }
 

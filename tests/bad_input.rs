@@ -254,6 +254,81 @@ const BAD_TABLES: &[(&str, &str)] = &[
     ("t, u\n", "in.csv: has no lines of numbers"),
 ];
 
+/// A good case on a mesh from a file.
+const WITH_MESH: &str = r#"[mesh]
+file = "tank.msh"
+[boundaries]
+default = "slip"
+wall = "no_slip"
+[time]
+end = 1
+"#;
+
+/// Its mesh: two tetrahedra and the name of one triangle.
+const MESH: &str = r#"$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+2 1 "wall"
+3 2 "fluid"
+$EndPhysicalNames
+$Nodes
+5
+1 0 0 0
+2 1 0 0
+3 0 1 0
+4 0 0 1
+5 1 1 1
+$EndNodes
+$Elements
+3
+1 2 2 1 1 1 2 3
+2 4 2 2 1 1 2 3 4
+3 4 2 2 1 2 3 4 5
+$EndElements
+"#;
+
+/// What replaces what in the mesh (nothing: it ends there), and what the program then says after
+/// `error: case.toml:2: mesh.file: `, FILE being the mesh's full name.
+const BAD_MESHES: &[(&str, Option<&str>, &str)] = &[
+    ("$MeshFormat", None, "FILE:1: is not a Gmsh mesh: it does not begin with $MeshFormat"),
+    ("4 0 0 1", None, "FILE:14: the file ends inside $Nodes, where the number of a node should be"),
+    (
+        "2.2 0 8",
+        Some("3.0 0 8"),
+        "FILE:2: MSH version 3.0 is not read: save it with Mesh.MshFileVersion = 4.1 (or 2.2)",
+    ),
+    ("5 1 1 1", Some("5 nan 1 1"), "FILE:15: node 5: its coordinate is NaN"),
+    ("5 1 1 1", Some("5 1 one 1"), "FILE:15: a coordinate expected, not \"one\""),
+    ("2 3 4 5", Some("2 3 4 9"), "FILE: a tetrahedron names node 9, which is not in $Nodes"),
+    (
+        "5 1 1 1",
+        Some("5 0.25 0.25 0.5"),
+        "tetrahedron 1 is flat: volume 0.000e0 m³, longest edge 1.414e0 m, corners (1, 0, 0) (0, 1, 0) (0, 0, 1) (0.25, 0.25, 0.5): remesh, or let the mesh generator optimise",
+    ),
+    (
+        "5 1 1 1",
+        Some("5 0.1 0.1 0.1"),
+        "tetrahedra [0, 1] overlap: they lie on the same side of the face with centre (0.3333333333333333, 0.3333333333333333, 0.3333333333333333)",
+    ),
+];
+
+/// What replaces what in the case with a mesh, and what the program then says after `error: case.toml`.
+const BAD_WITH_MESH: &[(&str, &str, &str)] = &[
+    ("tank.msh", "tnk.msh", ":2: mesh.file: tnk.msh: no such file"),
+    (
+        "wall",
+        "wal",
+        ":5: boundaries.wal: the mesh has no boundary of this name; did you mean \"wall\"?",
+    ),
+    (
+        "[boundaries]",
+        "jitter = 0.1\n[boundaries]",
+        ":3: mesh.jitter: moves the nodes of a box only",
+    ),
+];
+
 /// Arguments, and what the program then says.
 const BAD_ARGUMENTS: &[(&[&str], &str)] = &[
     (&["nowhere.toml"], "error: nowhere.toml: no such file"),
@@ -302,6 +377,23 @@ fn refuses_all(ranks: usize) {
         expect(&["case.toml"], &format!("error: case.toml:12: boundaries.x_max.column: {message}"));
     }
     write(&folder, "in.csv", TABLE);
+    write(&folder, "case.toml", WITH_MESH);
+    let mesh_file = folder.join("tank.msh").display().to_string();
+    for (from, to, message) in BAD_MESHES {
+        let at = MESH.find(from).expect("the good mesh has what is replaced");
+        let mesh = match to {
+            Some(to) => MESH.replacen(from, to, 1),
+            None => MESH[..at].to_string(),
+        };
+        write(&folder, "tank.msh", &mesh);
+        let message = message.replace("FILE", &mesh_file);
+        expect(&["case.toml"], &format!("error: case.toml:2: mesh.file: {message}"));
+    }
+    write(&folder, "tank.msh", MESH);
+    for (from, to, message) in BAD_WITH_MESH {
+        write(&folder, "case.toml", &WITH_MESH.replacen(from, to, 1));
+        expect(&["case.toml"], &format!("error: case.toml{message}"));
+    }
     std::fs::write(folder.join("binary.toml"), [b'a', 0xff, 0xfe]).unwrap();
     for (arguments, message) in BAD_ARGUMENTS {
         expect(arguments, message);
