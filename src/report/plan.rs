@@ -3,6 +3,7 @@
 use crate::case::{Boundary, Case};
 use crate::fem::{dot, norm, tetrahedron::Tetrahedron};
 use crate::mesh::MeshPart;
+use crate::report::summary::memory_peak_mb;
 use std::fmt;
 
 /// Sizes and estimates, the same on all ranks.
@@ -74,16 +75,8 @@ pub fn of(case: &Case, part: &MeshPart) -> Plan {
         step,
         courant: step * rate,
         steps: (time.end / step).ceil(),
-        memory: part.max(peak_memory().unwrap_or(0.0)),
+        memory: part.max(memory_peak_mb()),
     }
-}
-
-/// Peak memory of this process [MB], where the system tells (Linux).
-pub fn peak_memory() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    let kilobytes: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kilobytes / 1024.0)
 }
 
 impl fmt::Display for Plan {

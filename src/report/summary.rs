@@ -134,7 +134,7 @@ impl Summary {
 }
 
 /// This process's peak resident memory [MB]; 0 where the system does not tell.
-fn memory_peak_mb() -> f64 {
+pub fn memory_peak_mb() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kb = line.and_then(|rest| rest.split_whitespace().next()?.parse::<f64>().ok());
