@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
 /// Tolerance of those first steps, which start from no pressure at all.
-const START_TOLERANCE: f64 = 1e-8;
+const START_TOLERANCE: f64 = 1e-11;
 /// A residual this small beside the right-hand side is rounding.
 const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
