@@ -1,8 +1,8 @@
 //! Tables of numbers as CSV: `gauges.csv` and `history.csv` as they grow, and tables that a case
 //! file names.
 //!
-//! A written table's first line names its columns with their units, `t [s],x_min [m]`; the first
-//! column is the time. Numbers are written with as many digits as give them back to the last bit.
+//! A written table's first line names its columns with their units, `t [s],x_min [m]`; the column `t`
+//! is the time. Numbers are written with as many digits as give them back to the last bit.
 
 use crate::Error;
 use std::fs::{File, OpenOptions};
@@ -25,12 +25,15 @@ impl TableWriter {
     }
 
     /// Continues a table: lines after the time `after` are dropped, and the last line if it is not
-    /// whole. If there is no table yet, it is created. The columns must be those of the table.
+    /// whole. If there is no table yet, it is created. The columns must be those of the table, and one
+    /// of them `t`.
     pub fn resume(path: &Path, after: f64, columns: &[(&str, &str)]) -> Result<Self, Error> {
         if !path.exists() {
             return Self::create(path, columns);
         }
         let text = std::fs::read_to_string(path).map_err(|e| Error::file(path, e))?;
+        let time_column = columns.iter().position(|(name, _)| *name == "t");
+        let time_column = time_column.expect("a table that is continued has a column t");
         let header = header(columns);
         if text.lines().next() != Some(&header) {
             let message = "has other columns than this run writes: write to another directory";
@@ -39,7 +42,7 @@ impl TableWriter {
         let mut kept = header + "\n";
         for (number, line) in text.split_inclusive('\n').enumerate().skip(1) {
             let Some(line) = line.strip_suffix('\n') else { break };
-            let time = line.split(',').next().unwrap_or_default();
+            let time = line.split(',').nth(time_column).unwrap_or_default();
             let time: f64 = time
                 .parse()
                 .map_err(|_| Error::line(path, number + 1, format!("`{time}` is not a time")))?;
@@ -172,28 +175,28 @@ mod tests {
         dir.join(name)
     }
 
-    const COLUMNS: [(&str, &str); 3] = [("t", "s"), ("iterations", ""), ("volume", "m3")];
+    const COLUMNS: [(&str, &str); 3] = [("iterations", ""), ("t", "s"), ("volume", "m3")];
 
     #[test]
     fn numbers_come_back_to_the_last_bit() {
         let path = path("bits.csv");
         let mut table = TableWriter::create(&path, &COLUMNS).unwrap();
         let rows = [
-            [0.0, 12.0, 0.1 + 0.2],
-            [1e-7, -3.0, 1.0 / 3.0],
-            [1e300, 1e15, -0.0],
-            [f64::MIN_POSITIVE / 8.0, 123456.0, -1e-20],
+            [12.0, 0.0, 0.1 + 0.2],
+            [-3.0, 1e-7, 1.0 / 3.0],
+            [1e15, 1e300, -0.0],
+            [123456.0, f64::MIN_POSITIVE / 8.0, -1e-20],
         ];
         for row in rows {
             table.row(&row).unwrap();
         }
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(
-            text.starts_with("t [s],iterations,volume [m3]\n0,12,0.30000000000000004\n"),
+            text.starts_with("iterations,t [s],volume [m3]\n12,0,0.30000000000000004\n"),
             "{text}"
         );
         let back = Table::read(&path).unwrap();
-        assert_eq!(back.columns, ["t [s]", "iterations", "volume [m3]"]);
+        assert_eq!(back.columns, ["iterations", "t [s]", "volume [m3]"]);
         assert_eq!(back.rows.concat().len(), 12);
         for (a, b) in back.rows.concat().iter().zip(rows.concat()) {
             assert_eq!(a.to_bits(), b.to_bits());
@@ -207,15 +210,15 @@ mod tests {
         let path = path("restart.csv");
         let mut table = TableWriter::resume(&path, 5.0, &COLUMNS).unwrap();
         for t in [0.0, 0.1, 0.2, 0.3] {
-            table.row(&[t, 1.0, 2.0]).unwrap();
+            table.row(&[1000.0 * t, t, 2.0]).unwrap();
         }
         drop(table);
         // The run died within a line.
         let mut file = OpenOptions::new().append(true).open(&path).unwrap();
-        file.write_all(b"0.15,1").unwrap();
+        file.write_all(b"150,0.15").unwrap();
         drop(file);
         let mut table = TableWriter::resume(&path, 0.2, &COLUMNS).unwrap();
-        table.row(&[0.25, 3.0, 4.0]).unwrap();
+        table.row(&[250.0, 0.25, 4.0]).unwrap();
         let back = Table::read(&path).unwrap();
         assert_eq!(back.column("t [s]").unwrap(), [0.0, 0.1, 0.2, 0.25]);
         let error = TableWriter::resume(&path, 0.2, &COLUMNS[..2]).unwrap_err().to_string();
