@@ -273,7 +273,7 @@ def draw_sheet(drawn, path):
         axis.axis("off")
     for axis, (pixels, time) in zip(axes.flat, drawn):
         axis.imshow(pixels)
-        axis.set_title(f"t = {time:.4g} s", fontsize=11)
+        axis.set_title(f"t = {time:.3g} s", fontsize=11)
     figure.tight_layout(pad=0.4)
     figure.savefig(path, dpi=150)
     plt.close(figure)
@@ -345,7 +345,7 @@ def draw_slices(fields, tank, steps, path):
                 axis.contour(
                     found["phase"], levels=[SURFACE], extent=extent, colors=line, linewidths=0.8
                 )
-            axis.set_title(f"{name.split(' ')[0]}, t = {time:.4g} s", fontsize=10)
+            axis.set_title(f"{name.split(' ')[0]}, t = {time:.3g} s", fontsize=10)
         column[-1].set_xlabel(f"{'xyz'[across]} [m]")
         figure.colorbar(shown, ax=list(column), label=name, shrink=0.6)
     for axis in axes[:, 0]:
