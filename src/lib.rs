@@ -1,4 +1,25 @@
-//! Free-surface flow that hits, moves and breaks structures.
+//! Free-surface flow that hits, moves and breaks structures: stabilised finite elements on tetrahedra, a
+//! conservative phase field, distributed solvers. After Takase et al. 2015 (J. JSCE A2 71).
+//!
+//! ```text
+//!   main ─► setup, simulation ─► flow   phase         siblings never name each other
+//!                │                └─► fem ◄─┘          constraints by boundary name, quadrature
+//!                ▼                     ▼
+//!             report ─► io            mesh              geometry; mesh::part alone meets the ranks
+//!                        └─► partition ◄┘   linear      sparse blocks, Krylov, multigrid: no physics
+//! ```
+//!
+//! - [`case`]: the case file as typed, then checked.
+//! - [`setup`]: case → this rank's part of the mesh and the initial state.
+//! - [`simulation`]: state, one step, the run, restart.
+//! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
+//! - [`fem`], [`mesh`], [`linear`]: what they stand on.
+//! - [`report`]: gauges, files, progress, the summary.
+//!
+//! What stays true: kernels know nothing of ranks; matrix rows belong to the owner of the node and are
+//! assembled without communication; integrals run over elements that METIS gave to the rank, each once;
+//! every rank reaches every collective, and an error on one is an error on all; no kernel allocates in a
+//! step. `tests/layers.rs` holds the arrows.
 
 pub mod case;
 pub mod fem;
