@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import gmsh
 from checks import at_least, at_most, check, near
 from norms import integral, l2_error
 from program import Variant, figure, reference, variant
@@ -11,23 +12,9 @@ GHIA = "Ghia, Ghia & Shin 1982"
 EXACT = "exact solution"
 
 
-def manufactured(cells, step, end, viscosity):
-    """P-F1: u = π cos t (sin πx (cos πy − cos πz), …), p = sin πx sin πy sin πz cos t, ρ = 1, in a unit
-    cube with the velocity given on its sides."""
-    u, force = [], []
-    for x, y, z in ("xyz", "yzx", "zxy"):
-        velocity = f"pi*cos(t)*sin(pi*{x})*(cos(pi*{y})-cos(pi*{z}))"
-        rates = [
-            f"pi^2*cos(t)*cos(pi*{x})*(cos(pi*{y})-cos(pi*{z}))",
-            f"(-pi^2*cos(t)*sin(pi*{x})*sin(pi*{y}))",
-            f"pi^2*cos(t)*sin(pi*{x})*sin(pi*{z})",
-        ]
-        along = [f"pi*cos(t)*sin(pi*{a})*(cos(pi*{b})-cos(pi*{c}))" for a, b, c in (x + y + z, y + z + x, z + x + y)]
-        convection = "+".join(f"{a}*{b}" for a, b in zip(along, rates))
-        pressure = f"pi*cos(pi*{x})*sin(pi*{y})*sin(pi*{z})*cos(t)"
-        change = f"pi*sin(t)*sin(pi*{x})*(cos(pi*{y})-cos(pi*{z}))"
-        u.append(velocity)
-        force.append(f"{convection}+{pressure}-{change}+{2 * viscosity!r}*pi^2*{velocity}")
+def manufactured(cells, step, end, viscosity, tolerance=1e-6):
+    """P-F1 in a unit cube, ρ = 1, with the velocity given on its sides."""
+    u, force = formulas(viscosity, "xyz")
     return Variant(
         {
             "gravity": [0, 0, 0],
@@ -37,10 +24,27 @@ def manufactured(cells, step, end, viscosity):
             "initial": {"velocity": u},
             "water": {"density": 1, "viscosity": viscosity},
             "time": {"end": end, "step": step},
-            "solver": {"tolerance": 1e-6},
+            "solver": {"tolerance": tolerance},
             "output": {"fields_every": end},
         }
     )
+
+
+def formulas(viscosity, places):
+    """Velocity π cos t (sin πx (cos πy − cos πz), …) and the body force that keeps it, with the pressure
+    sin πx sin πy sin πz cos t; `places` are what stands for x, y, z."""
+    s = [f"sin(pi*{x})" for x in places]
+    c = [f"cos(pi*{x})" for x in places]
+    u = [f"pi*cos(t)*{s[k]}*({c[k - 2]}-{c[k - 1]})" for k in range(3)]
+    force = []
+    for k in range(3):
+        j, i = k - 2, k - 1
+        rates = {k: f"{c[k]}*({c[j]}-{c[i]})", j: f"(0-{s[k]}*{s[j]})", i: f"{s[k]}*{s[i]}"}
+        convection = "+".join(f"pi^2*cos(t)*{u[b]}*{rate}" for b, rate in rates.items())
+        pressure = f"pi*{c[k]}*{s[j]}*{s[i]}*cos(t)"
+        change = f"pi*sin(t)*{s[k]}*({c[j]}-{c[i]})"
+        force.append(f"{convection}+{pressure}-{change}+{2 * viscosity!r}*pi^2*{u[k]}")
+    return u, force
 
 
 def manufactured_errors(run, step):
@@ -48,15 +52,20 @@ def manufactured_errors(run, step):
     fields = run.fields()
     t = fields.times[-1]
     points, tets, data = fields.at(-1)
+    u, p = data["velocity"], data["pressure"]
+    return (
+        l2_error(points, tets, u, lambda x: exact_velocity(x, t)),
+        l2_error(points, tets, p, lambda x: exact_pressure(x, t - step / 2), shift=True),
+    )
 
-    def u(x):
-        s, c = np.sin(PI * x), np.cos(PI * x)
-        return PI * np.cos(t) * np.stack([s[..., k] * (c[..., k - 2] - c[..., k - 1]) for k in range(3)], axis=-1)
 
-    def p(x):
-        return np.sin(PI * x).prod(axis=-1) * np.cos(t - step / 2)
+def exact_velocity(x, t):
+    s, c = np.sin(PI * x), np.cos(PI * x)
+    return PI * np.cos(t) * np.stack([s[..., k] * (c[..., k - 2] - c[..., k - 1]) for k in range(3)], axis=-1)
 
-    return l2_error(points, tets, data["velocity"], u), l2_error(points, tets, data["pressure"], p, shift=True)
+
+def exact_pressure(x, t):
+    return np.sin(PI * x).prod(axis=-1) * np.cos(t)
 
 
 def orders(errors):
@@ -78,6 +87,76 @@ def manufactured_space(work):
         name = f"ν = {viscosity:g}, h = 1/{cells[-2]} → 1/{cells[-1]}"
         yield at_least(work, f"order of u, {name}", orders(u)[-1], 1.8, EXACT, reference=2.0)
         yield at_least(work, f"order of p, {name}", orders(p)[-1], 0.8, EXACT, reference=1.0)
+
+
+@check("manufactured_time", "P-F1: order in time of a manufactured flow in three dimensions")
+def manufactured_time(work):
+    cells, steps = (8, [0.1, 0.05, 0.025]) if work.quick else (16, [0.1, 0.05, 0.025, 0.0125])
+    for viscosity in (0.01, 1.0):
+        u, p = [], []
+        for step in steps:
+            run = work.run(manufactured(cells, step, 0.8, viscosity, 1e-9), f"nu{viscosity:g}_{step:g}")
+            fields = run.fields()
+            points, tets, data = fields.at(-1)
+            t = fields.times[-1]
+            u.append(data["velocity"] - exact_velocity(points, t))
+            p.append(data["pressure"] - exact_pressure(points, t - step / 2))
+        # The mesh's error is the same in all: what two steps differ by is the time's.
+        zero = {"velocity": np.zeros_like, "pressure": lambda x: np.zeros(x.shape[:-1])}
+        for name, errors in (("velocity", u), ("pressure", p)):
+            differences = [
+                l2_error(points, tets, a - b, zero[name], shift=name == "pressure") for a, b in zip(errors, errors[1:])
+            ]
+            print(f"   ν = {viscosity:g}, h = 1/{cells}: {name} of successive halvings of Δt differ by", differences)
+            quantity = f"order of {name[0].replace('v', 'u')}, ν = {viscosity:g}, Δt = {steps[-3]:g} → {steps[-1]:g}"
+            yield at_least(work, quantity, orders(differences)[-1], 1.8, EXACT, reference=2.0)
+
+
+@check("rotated", "the manufactured flow between slip walls, gravity and mesh rotated by an arbitrary angle")
+def rotated(work):
+    cells, viscosity, gravity = (6 if work.quick else 12), 0.01, np.array([1.0, -3.0, 9.0])
+    axis, angle = np.array([1.0, 2.0, -0.5]) / np.sqrt(5.25), 0.7
+    cross = np.cross(np.eye(3), axis)
+    turn = np.eye(3) - np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    letters = turn.tolist()
+    assert np.allclose(turn @ turn.T, np.eye(3)) and np.allclose(turn @ axis, axis)
+    nodes, tets, sides = gmsh.box([cells] * 3, [1, 1, 1])
+    found = {}
+    for name, matrix in (("upright", np.eye(3)), ("turned", turn)):
+        mesh = work.folder / f"{name}.msh"
+        gmsh.write(mesh, nodes @ matrix.T, tets, sides)
+        # x = Rᵀ x', u' = R u, in the letters of the formulas.
+        if name == "upright":
+            u, force = formulas(viscosity, "xyz")
+        else:
+            places = ["(" + "+".join(f"({letters[b][k]!r})*{x}" for b, x in enumerate("xyz")) + ")" for k in range(3)]
+            plain = formulas(viscosity, places)
+            u, force = (
+                ["+".join(f"({letters[k][b]!r})*({f[b]})" for b in range(3)) for k in range(3)] for f in plain
+            )
+        case = Variant(
+            {
+                "gravity": (matrix @ gravity).tolist(),
+                "body_force": force,
+                "mesh": {"file": mesh.name},
+                "boundaries": {"default": "slip"},
+                "initial": {"velocity": u},
+                "water": {"density": 1, "viscosity": viscosity},
+                "time": {"end": 0.5, "step": 0.025},
+                "solver": {"tolerance": 1e-9},
+                "output": {"fields_every": 0.5},
+            },
+            [mesh],
+        )
+        points, cells_of, data = work.run(case, name).fields().at(-1)
+        # The same node for both: by where it stood before the turn.
+        order = np.lexsort(np.round(points @ matrix * cells).T)
+        pressure = data["pressure"] - integral(points, cells_of, data["pressure"])
+        found[name] = data["velocity"][order] @ matrix, pressure[order]
+    for k, name in enumerate(("u", "p")):
+        a, b = found["upright"][k], found["turned"][k]
+        difference = np.abs(a - b).max() / np.abs(a).max()
+        yield at_most(work, f"largest change of {name} by the turn, over its largest value", difference, 2e-6, "frame invariance")
 
 
 @check("taylor_green", "P-F2: decay of the plane Taylor-Green vortex")

@@ -61,11 +61,12 @@ class Work:
         ranks = ranks or self.ranks
         command = ["mpirun", "-n", str(ranks), str(PROGRAM), str(path), "--out", str(folder), "--quiet", *arguments]
         environment = dict(os.environ, OMP_NUM_THREADS="1")
-        with open(folder / "log", "w") as log:
-            done = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, env=environment, check=False)
+        with open(folder / "log", "w") as out:
+            done = subprocess.run(command, stdout=out, stderr=subprocess.STDOUT, env=environment, check=False)
         if done.returncode != 0:
-            said = [line for line in (folder / "log").read_text().splitlines() if line.startswith("error")]
-            raise RuntimeError(f"{label}: {said[0] if said else f'exit status {done.returncode}'}")
+            log = (folder / "log").read_text().splitlines()
+            said = [line for line in log if line.startswith("error")] or log[-1:] or ["nothing"]
+            raise RuntimeError(f"{label}: exit status {done.returncode}: {said[0]}")
         return Run(folder)
 
 
