@@ -4,7 +4,7 @@ import numpy as np
 
 import gmsh
 from checks import at_least, at_most, check, near
-from norms import integral, l2_error
+from norms import integral, l2_error, norm
 from program import Variant, figure, reference, variant
 
 PI = np.pi
@@ -91,25 +91,73 @@ def manufactured_space(work):
 
 @check("manufactured_time", "P-F1: order in time of a manufactured flow in three dimensions")
 def manufactured_time(work):
-    cells, steps = (8, [0.1, 0.05, 0.025]) if work.quick else (16, [0.1, 0.05, 0.025, 0.0125])
-    for viscosity in (0.01, 1.0):
-        u, p = [], []
+    """On one fine mesh, whose own error is the same for all steps as long as τ is the viscous one: what
+    the results of two steps differ by is the error in time."""
+    cells, viscosity, steps = (8 if work.quick else 24), 1.0, [0.1, 0.05, 0.025]
+    u, p = [], []
+    for step in steps:
+        case = manufactured(cells, step, 0.8, viscosity, 1e-7)
+        case.table["solver"]["max_iterations"] = 2000
+        fields = work.run(case, f"{step:g}").fields()
+        points, tets, data = fields.at(-1)
+        t = fields.times[-1]
+        u.append(data["velocity"] - exact_velocity(points, t))
+        p.append(data["pressure"] - exact_pressure(points, t - step / 2))
+    for name, errors in (("u", u), ("p", p)):
+        differences = [norm(points, tets, a - b, shift=name == "p") for a, b in zip(errors, errors[1:])]
+        print(f"   h = 1/{cells}: {name} of successive halvings of Δt differ by", differences)
+        quantity = f"order of {name}, ν = {viscosity:g}, Δt = {steps[0]:g} → {steps[-1]:g}"
+        yield at_least(work, quantity, orders(differences)[-1], 1.8, EXACT, reference=2.0)
+
+
+@check("linear_in_space", "order in time of a flow that the elements hold exactly")
+def linear_in_space(work):
+    """u = A(t) x, A = B cos t + C sin 2t without trace, p = b·x cos t: all error is the time's."""
+    B = np.array([[0.5, -1.0, 0.2], [0.8, -0.2, 0.6], [-0.4, 0.3, -0.3]])
+    C = np.array([[-0.3, 0.4, 0.1], [-0.5, 0.1, -0.2], [0.6, 0.2, 0.2]])
+    b = np.array([1.0, -2.0, 0.5])
+
+    def row(terms, k):
+        """Component k of Σ factor · matrix · x."""
+        entries = [f"{matrix[k, j].item()!r}*{factor}*{x}" for factor, matrix in terms for j, x in enumerate("xyz")]
+        return "+".join(entries).replace("+-", "-")
+
+    rate = [("sin(t)", -B), ("2*cos(2*t)", C)]
+    square = [("cos(t)^2", B @ B), ("cos(t)*sin(2*t)", B @ C + C @ B), ("sin(2*t)^2", C @ C)]
+    u = [row([("cos(t)", B), ("sin(2*t)", C)], k) for k in range(3)]
+    force = [f"{row(rate + square, k)}+({b[k].item()!r})*cos(t)" for k in range(3)]
+    steps = [0.1, 0.05, 0.025, 0.0125]
+    for viscosity in (0.0, 0.1):
+        errors = []
         for step in steps:
-            run = work.run(manufactured(cells, step, 0.8, viscosity, 1e-9), f"nu{viscosity:g}_{step:g}")
-            fields = run.fields()
+            case = Variant(
+                {
+                    "gravity": [0, 0, 0],
+                    "body_force": force,
+                    "mesh": {"box": {"x": [0, 1], "y": [0, 1], "z": [0, 1], "cells": [6] * 3}, "jitter": 0.2},
+                    "boundaries": {"default": {"velocity": u}},
+                    "initial": {"velocity": u},
+                    "water": {"density": 2, "viscosity": viscosity},
+                    "time": {"end": 0.8, "step": step},
+                    "solver": {"tolerance": 1e-8},
+                    "output": {"fields_every": 0.8},
+                }
+            )
+            fields = work.run(case, f"nu{viscosity:g}_{step:g}").fields()
             points, tets, data = fields.at(-1)
             t = fields.times[-1]
-            u.append(data["velocity"] - exact_velocity(points, t))
-            p.append(data["pressure"] - exact_pressure(points, t - step / 2))
-        # The mesh's error is the same in all: what two steps differ by is the time's.
-        zero = {"velocity": np.zeros_like, "pressure": lambda x: np.zeros(x.shape[:-1])}
-        for name, errors in (("velocity", u), ("pressure", p)):
-            differences = [
-                l2_error(points, tets, a - b, zero[name], shift=name == "pressure") for a, b in zip(errors, errors[1:])
-            ]
-            print(f"   ν = {viscosity:g}, h = 1/{cells}: {name} of successive halvings of Δt differ by", differences)
-            quantity = f"order of {name[0].replace('v', 'u')}, ν = {viscosity:g}, Δt = {steps[-3]:g} → {steps[-1]:g}"
-            yield at_least(work, quantity, orders(differences)[-1], 1.8, EXACT, reference=2.0)
+            velocity = points @ (B * np.cos(t) + C * np.sin(2 * t)).T
+            pressure = 2 * points @ b * np.cos(t - step / 2)
+            errors.append(
+                (
+                    norm(points, tets, data["velocity"] - velocity),
+                    norm(points, tets, data["pressure"] - pressure, shift=True),
+                )
+            )
+        print(f"   μ = {viscosity:g}: errors of u and p at Δt = {steps}:", errors)
+        for name, series in zip("up", zip(*errors)):
+            quantity = f"order of {name}, μ = {viscosity:g}, Δt = {steps[-2]:g} → {steps[-1]:g}"
+            yield at_least(work, quantity, orders(series)[-1], 1.8, EXACT, reference=2.0)
 
 
 @check("rotated", "the manufactured flow between slip walls, gravity and mesh rotated by an arbitrary angle")

@@ -46,3 +46,8 @@ def l2_error(points, tets, nodal, exact, shift=None):
         difference = difference - np.einsum("e,q,eq->", volume, WEIGHTS, difference) / volume.sum()
     square = difference**2 if difference.ndim == 2 else (difference**2).sum(axis=2)
     return float(np.sqrt(np.einsum("e,q,eq->", volume, WEIGHTS, square)))
+
+
+def norm(points, tets, nodal, shift=None):
+    """‖nodal‖ in L², of what differs from its mean with `shift`."""
+    return l2_error(points, tets, nodal, lambda x: 0.0, shift)
