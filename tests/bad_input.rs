@@ -4,6 +4,8 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// A good case; each line below spoils it.
@@ -329,20 +331,24 @@ const BAD_WITH_MESH: &[(&str, &str, &str)] = &[
     ),
 ];
 
-/// Arguments, and what the program then says.
-const BAD_ARGUMENTS: &[(&[&str], &str)] = &[
-    (&["nowhere.toml"], "error: nowhere.toml: no such file"),
-    (&["binary.toml"], "error: binary.toml: is not text (UTF-8)"),
+/// Arguments, and the status and words the program then ends with.
+const BAD_ARGUMENTS: &[(&[&str], i32, &str)] = &[
+    (&["nowhere.toml"], 2, "error: nowhere.toml: no such file"),
+    (&["binary.toml"], 2, "error: binary.toml: is not text (UTF-8)"),
     (
         &["case.toml", "--step", "3"],
+        2,
         "error: unexpected argument '--step' found\n\n  tip: a similar argument exists: '--steps'\n\n\
          Usage: fcm-fsi --steps <N> <CASE>\n\nFor more information, try '--help'.",
     ),
     (
         &["case.toml", "--steps", "few"],
+        2,
         "error: invalid value 'few' for '--steps <N>': invalid digit found in string\n\n\
          For more information, try '--help'.",
     ),
+    (&["case.toml", "--restart", "nowhere"], 1, "error: nowhere: there is no checkpoint here"),
+    (&["case.toml", "--out", "in.csv"], 1, "error: in.csv: File exists (os error 17)"),
 ];
 
 #[test]
@@ -355,54 +361,89 @@ fn two_ranks_refuse_each_with_one_message() {
     refuses_all(2);
 }
 
-fn refuses_all(ranks: usize) {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("bad_input_{ranks}"));
-    std::fs::create_dir_all(&folder).unwrap();
-    let mut wrong = Vec::new();
-    let mut expect = |arguments: &[&str], expected: &str| {
-        let found = run(&folder, ranks, arguments);
-        if found != Ok((2, expected.to_string())) {
-            wrong.push(format!("{arguments:?}\n  expected {expected:?}\n  found    {found:?}"));
-        }
-    };
-    write(&folder, "in.csv", TABLE);
-    for (from, to, message) in BAD_CASES {
-        assert!(GOOD.contains(from), "the good case has no {from:?}");
-        write(&folder, "case.toml", &GOOD.replacen(from, to, 1));
-        expect(&["case.toml"], &format!("error: case.toml{message}"));
-    }
-    write(&folder, "case.toml", GOOD);
-    for (table, message) in BAD_TABLES {
-        write(&folder, "in.csv", table);
-        expect(&["case.toml"], &format!("error: case.toml:12: boundaries.x_max.column: {message}"));
-    }
-    write(&folder, "in.csv", TABLE);
-    write(&folder, "case.toml", WITH_MESH);
-    let mesh_file = folder.join("tank.msh").display().to_string();
-    for (from, to, message) in BAD_MESHES {
-        let at = MESH.find(from).expect("the good mesh has what is replaced");
-        let mesh = match to {
-            Some(to) => MESH.replacen(from, to, 1),
-            None => MESH[..at].to_string(),
-        };
-        write(&folder, "tank.msh", &mesh);
-        let message = message.replace("FILE", &mesh_file);
-        expect(&["case.toml"], &format!("error: case.toml:2: mesh.file: {message}"));
-    }
-    write(&folder, "tank.msh", MESH);
-    for (from, to, message) in BAD_WITH_MESH {
-        write(&folder, "case.toml", &WITH_MESH.replacen(from, to, 1));
-        expect(&["case.toml"], &format!("error: case.toml{message}"));
-    }
-    std::fs::write(folder.join("binary.toml"), [b'a', 0xff, 0xfe]).unwrap();
-    for (arguments, message) in BAD_ARGUMENTS {
-        expect(arguments, message);
-    }
-    assert!(wrong.is_empty(), "{} of them on {ranks} ranks:\n{}", wrong.len(), wrong.join("\n"));
+/// One run that must fail.
+struct Attempt {
+    /// What lies in its folder: names and contents.
+    files: Vec<(&'static str, Vec<u8>)>,
+    arguments: Vec<&'static str>,
+    /// How it ends; FOLDER stands for its folder.
+    status: i32,
+    message: String,
 }
 
-fn write(folder: &Path, name: &str, text: &str) {
-    std::fs::write(folder.join(name), text).unwrap();
+/// Every line of the tables above.
+fn attempts() -> Vec<Attempt> {
+    let attempt = |files: Vec<(&'static str, &str)>, message: String| Attempt {
+        files: files.into_iter().map(|(name, text)| (name, text.into())).collect(),
+        arguments: vec!["case.toml"],
+        status: 2,
+        message: format!("error: case.toml{message}"),
+    };
+    let replaced = |good: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "the good case has no {from:?}");
+        good.replacen(from, to, 1)
+    };
+    let mut all = Vec::new();
+    for (from, to, message) in BAD_CASES {
+        let case = replaced(GOOD, from, to);
+        all.push(attempt(vec![("case.toml", &case), ("in.csv", TABLE)], message.to_string()));
+    }
+    for (table, message) in BAD_TABLES {
+        let message = format!(":12: boundaries.x_max.column: {message}");
+        all.push(attempt(vec![("case.toml", GOOD), ("in.csv", table)], message));
+    }
+    for (from, to, message) in BAD_MESHES {
+        let mesh = match to {
+            Some(to) => replaced(MESH, from, to),
+            None => MESH[..MESH.find(from).expect("the good mesh goes further")].to_string(),
+        };
+        let message = format!(":2: mesh.file: {}", message.replace("FILE", "FOLDER/tank.msh"));
+        all.push(attempt(vec![("case.toml", WITH_MESH), ("tank.msh", &mesh)], message));
+    }
+    for (from, to, message) in BAD_WITH_MESH {
+        let case = replaced(WITH_MESH, from, to);
+        all.push(attempt(vec![("case.toml", &case), ("tank.msh", MESH)], message.to_string()));
+    }
+    for (arguments, status, message) in BAD_ARGUMENTS {
+        let mut attempt = attempt(vec![("case.toml", GOOD), ("in.csv", TABLE)], String::new());
+        attempt.files.push(("binary.toml", vec![b'a', 0xff, 0xfe]));
+        attempt.arguments = arguments.to_vec();
+        (attempt.status, attempt.message) = (*status, message.to_string());
+        all.push(attempt);
+    }
+    all
+}
+
+/// Three at a time: starting the ranks is mostly waiting.
+fn refuses_all(ranks: usize) {
+    let attempts = attempts();
+    assert!(attempts.len() >= 40);
+    let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| {
+                while let Some(i) = Some(next.fetch_add(1, Ordering::Relaxed))
+                    && let Some(attempt) = attempts.get(i)
+                {
+                    let folder = format!("bad_input/{ranks}/{i}");
+                    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+                    std::fs::create_dir_all(&folder).unwrap();
+                    for (name, text) in &attempt.files {
+                        std::fs::write(folder.join(name), text).unwrap();
+                    }
+                    let message = attempt.message.replace("FOLDER", &folder.display().to_string());
+                    let found = run(&folder, ranks, &attempt.arguments);
+                    if found != Ok((attempt.status, message.clone())) {
+                        let expected = (attempt.status, message);
+                        let line = format!("expected {expected:?}\n   found {found:?}");
+                        wrong.lock().unwrap().push(line);
+                    }
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{} of them on {ranks} ranks:\n{}", wrong.len(), wrong.join("\n"));
 }
 
 /// Exit status and error output of the program, run in a folder.

@@ -60,7 +60,7 @@ fn a_short_case_gets_the_defaults() {
     let water = case.initial.water.as_ref().expect("water is given");
     assert!((water.at([2.0, 0.0, 0.3], 0.0) - 0.008).abs() < 1e-15);
     let time = (case.time.end, case.time.step, case.time.max_cfl, case.time.max_step);
-    assert_eq!(time, (2.0, None, 1.0, 0.01));
+    assert_eq!(time, (2.0, None, 1.0, 2.0));
     let surface = &case.free_surface;
     assert_eq!(surface.regularisation, Regularisation::Psi);
     assert_eq!(surface.volume_correction, VolumeCorrection::PerBody);
