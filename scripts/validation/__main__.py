@@ -9,7 +9,9 @@ from checks import Line, checks
 from program import ROOT, Work
 
 # Each group registers its checks when it is imported.
+import dam_break  # noqa: F401
 import flow  # noqa: F401
+import surface  # noqa: F401
 
 COLUMNS = ("case", "quantity", "reference", "measured", "tolerance", "verdict", "source")
 
