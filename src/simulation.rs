@@ -22,7 +22,8 @@ use std::time::Instant;
 
 /// A step is at most this much longer than the one before.
 const GROWTH: f64 = 1.2;
-/// In the first step a fluid at rest falls at most this fraction of the smallest cell.
+/// In the first step a fluid at rest falls at most this fraction of the smallest cell; without gravity
+/// the step is this fraction of the run.
 const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
@@ -355,7 +356,8 @@ impl Simulation {
                 let growth = match time.first_step {
                     _ if self.clock.step > 0 => GROWTH * self.clock.dt,
                     Some(first) => first,
-                    None => FIRST_FALL.sqrt() * (2.0 * self.smallest / g).sqrt(),
+                    None if g > 0.0 => (FIRST_FALL * 2.0 * self.smallest / g).sqrt(),
+                    None => FIRST_FALL * time.end,
                 };
                 let mut wanted = growth.min(time.max_step).min(time.max_cfl / rate);
                 if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {

@@ -6,7 +6,7 @@
 /// ∫ over a tetrahedron, exact for cubics: the orbits `b` of 4 points each, and each point's weight.
 /// Named by orbit because sums over an orbit share factors (see `phase::profile`).
 pub const TETRAHEDRON_CUBIC: [(f64, f64); 2] = [
-    (0.328_054_696_711_426_65, 0.138_527_966_511_862_14),
+    (0.328_054_696_711_426_6, 0.138_527_966_511_862_14),
     (0.106_952_273_932_930_68, 0.111_472_033_488_137_86),
 ];
 

@@ -3,8 +3,10 @@
 //! `ρ = ρ_l φ + ρ_g (1−φ)`, `μ` alike [12,13], φ clipped to [0,1]. Gravity in edge form: the force
 //! `ρg` is interpolated in Whitney's edge elements from `E_ij = ∫_edge ρ g·dl = ρ̄_ij g·(x_j − x_i)`,
 //!
+//! ```text
 //!     ρ̄_ij = ρ_g + (ρ_l−ρ_g) [I(ψ_j) − I(ψ_i)]/(ψ_j − ψ_i),   I(s) = δ ln(1 + e^{s/δ}),
 //!     F_e = ¼ Σ_{i<j} E_ij (∇N_j − ∇N_i).
+//! ```
 //!
 //! Where the surface is flat, E is the difference of a nodal function and F_e its gradient, exactly,
 //! on any mesh: still water stays still. The element's inertia density is the mean of the six ρ̄_ij.

@@ -80,11 +80,13 @@ pub struct FlowReport {
 }
 
 impl Flow {
-    /// At rest or with the given velocity, pressure unknown. Collective.
-    pub fn new(case: &Case, part: &MeshPart, u: Vec<[f64; 3]>) -> Self {
+    /// With the given velocity but for what the boundaries fix at t = 0; pressure unknown. Collective.
+    pub fn new(case: &Case, part: &MeshPart, mut u: Vec<[f64; 3]>) -> Self {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
         let constraints = Constraints::new(case, part);
+        let mut p = vec![0.0; n];
+        constraints.impose(part, 0.0, 0.0, &mut u, &mut p);
         let (matrix, slots) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
         let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
         let mut constrained_entries = Vec::new();
@@ -112,7 +114,7 @@ impl Flow {
         Self {
             u_old: u.clone(),
             u,
-            p: vec![0.0; n],
+            p,
             fine_scale: vec![[0.0; 3]; part.mesh.tets.len()],
             dt_old: f64::INFINITY,
             steps: 0,

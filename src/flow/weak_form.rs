@@ -2,9 +2,11 @@
 //!
 //! Unknowns `u = uⁿ⁺¹`, `p = pⁿ⁺½`; `u_θ = θ u + (1−θ) uⁿ`, `a` the velocity extrapolated to n+½:
 //!
+//! ```text
 //!     ∫ w·ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∫ 2με(w):ε(u_θ) − ∫ p ∇·w + ∫ q ∇·u
 //!     + ∫ τ { a·∇w + ∇q/ρ }·R + ∫ τ_c ρ ∇·w ∇·u = ∫ w·F,
 //!     R = ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∇p − F − 2ε(u_θ)∇μ.
+//! ```
 //!
 //! The fine-scale velocity `u' = (τ/ρ) R` makes `u − u'` divergence-free against every P1 function:
 //! `∫ q ∇·u + ∫ ∇q·u' = 0` is the continuity equation of this very form.
