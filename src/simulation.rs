@@ -207,7 +207,7 @@ impl Simulation {
                     phase.advance(part, dt_phase, velocity, fine_scale, inflow)
                 })
                 .map_err(failed("free surface"))?;
-            report.phase_iterations = moved.transport.iterations;
+            report.phase_iterations = moved.iterations;
             report.volume = stages.time("volume", || phase.restore_volume(part));
             self.material.set_phase(&phase.phi);
             clock.t_phase += dt_phase;

@@ -2,8 +2,8 @@
 //! measured by.
 
 use super::profile::sigmoid;
-use crate::fem::tetrahedron::Tetrahedron;
 use crate::mesh::MeshPart;
+use crate::mesh::tetrahedron::Tetrahedron;
 
 /// Typical cell size h where the interface is [m]: the mean of (6V)^(1/3) over the elements that
 /// `distance` (nodal, positive in liquid) changes sign in, over all elements if there is none. It is the

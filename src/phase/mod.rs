@@ -5,27 +5,31 @@
 //! φ lives at half time levels: a step with uⁿ takes φ^{n−½} to φ^{n+½}.
 //!
 //! `initial` φ of a signed distance · `profile` the tanh inside an element · `transport` the implicit
-//! convective step and why it conserves · `boundary` flux through faces · `regularise` R in ψ form ·
+//! convective step and why it conserves · `convection` its elements · `boundary` flux through faces · `inflow` φ prescribed · `regularise` R in ψ form ·
 //! `plain` R as the paper has it · `water` connected bodies · `volume` correction and ledger.
 //!
 //! May name `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
 
-pub mod boundary;
+mod boundary;
+mod convection;
 pub mod inflow;
 pub mod initial;
 mod plain;
 pub mod profile;
 mod regularise;
+#[cfg(test)]
+mod tests;
 pub mod transport;
 pub mod volume;
 pub mod water;
 
 use crate::case::{self, FreeSurface, Regularisation, VolumeCorrection};
 use crate::fem::dot;
-use crate::fem::tetrahedron::Tetrahedron;
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
+use crate::mesh::tetrahedron::Tetrahedron;
 use profile::{OUTER, Profile, logit};
+use transport::Given;
 pub use transport::Transport;
 pub use volume::{Ledger, VolumeReport};
 
@@ -38,17 +42,6 @@ enum Form {
     Plain,
     /// Without conservation: moves by curvature.
     Curvature,
-}
-
-/// What one step did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Advance {
-    /// The transport solve.
-    pub transport: Transport,
-    /// γ [m/s].
-    pub speed: f64,
-    /// Regularisation sub-steps.
-    pub sub_steps: u32,
 }
 
 /// Named arrays from which a run can be continued.
@@ -165,16 +158,18 @@ impl Phase {
         velocity: &[[f64; 3]],
         fine_scale: &[[f64; 3]],
         inflow: &[(u32, f64)],
-    ) -> Result<Advance, Diverged> {
+    ) -> Result<Transport, Diverged> {
         let top = (0..part.n_owned())
             .filter(|&i| self.phi[i] * (1.0 - self.phi[i]) > OUTER)
             .map(|i| dot(velocity[i], velocity[i]))
             .fold(0.0, f64::max);
         let speed = self.mobility * part.max(top).sqrt();
-        let transport = transport::step(self, part, dt, velocity, fine_scale, inflow, speed)?;
-        let sub_steps =
-            if self.form == Form::Psi { regularise::sub_steps(self, part, dt, speed) } else { 0 };
-        Ok(Advance { transport, speed, sub_steps })
+        let given = Given { dt, velocity, fine_scale, inflow, speed };
+        let mut report = transport::step(self, part, &given)?;
+        if self.form == Form::Psi {
+            report.sub_steps = regularise::sub_steps(self, part, dt, speed);
+        }
+        Ok(report)
     }
 
     /// δ [m].

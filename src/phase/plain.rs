@@ -8,8 +8,8 @@
 
 use super::profile::Profile;
 use crate::fem::norm;
-use crate::fem::tetrahedron::Tetrahedron;
 use crate::mesh::MeshPart;
+use crate::mesh::tetrahedron::Tetrahedron;
 
 /// `out_i −= c ∫ ∇N_i·n φ(1−φ)`, n = ∇φ/|∇φ|; owned rows.
 pub(super) fn compression(part: &MeshPart, profile: &Profile, c: f64, out: &mut [f64]) {

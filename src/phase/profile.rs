@@ -17,12 +17,14 @@ pub const OUTER: f64 = 1e-4;
 const INNER: f64 = 1e-3;
 /// |ψ| ≤ CLIP δ.
 const CLIP: f64 = 11.0;
+/// Less than σ(−CLIP).
+const LEAST: f64 = 1.6e-5;
 /// Range of ψ/δ over an element where the profile correction begins to fade, and where it is gone.
-const STEEP: [f64; 2] = [3.0, 6.0];
+const STEEP: [f64; 2] = [2.5, 4.0];
 
 /// 0 for `x ≤ 0`, 1 for `x ≥ 1`, once differentiable.
 #[inline]
-fn smoothstep(x: f64) -> f64 {
+pub fn smoothstep(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
@@ -36,9 +38,13 @@ pub fn window(q: f64) -> f64 {
 /// ψ/δ, clipped.
 #[inline]
 pub fn logit(phi: f64) -> f64 {
-    let odds = phi / (1.0 - phi);
-    // φ ≤ 0 and φ ≥ 1 give odds ≤ 0 or infinite.
-    if phi >= 1.0 { CLIP } else { odds.max(1e-30).ln().clamp(-CLIP, CLIP) }
+    if phi < LEAST {
+        -CLIP
+    } else if phi > 1.0 - LEAST {
+        CLIP
+    } else {
+        (phi / (1.0 - phi)).ln().clamp(-CLIP, CLIP)
+    }
 }
 
 /// σ(s).
@@ -54,10 +60,15 @@ pub struct Node {
     pub phi: f64,
     /// φ(1−φ).
     pub q: f64,
-    /// ψ/δ; valid where `q > OUTER`.
+    /// ψ/δ, clipped.
     pub s: f64,
-    /// e^{−b s} and e^{−(1−4b) s} of both orbits; valid where `q > OUTER`.
+    /// e^{−b s} and e^{−(1−4b) s} of both orbits.
     powers: [f64; 4],
+}
+
+fn powers_of(s: f64) -> [f64; 4] {
+    let [(a, _), (b, _)] = TETRAHEDRON_CUBIC;
+    [-a, 4.0 * a - 1.0, -b, 4.0 * b - 1.0].map(|e| (e * s).exp())
 }
 
 /// φ at the nodes, prepared for the element loops.
@@ -71,16 +82,16 @@ impl Profile {
     /// Of these nodal values; `powers` only if moments will be asked for.
     pub fn set(&mut self, phi: &[f64], powers: bool) {
         self.nodes.resize(phi.len(), Node::default());
+        let clipped = [powers_of(-CLIP), powers_of(CLIP)];
         for (node, &phi) in self.nodes.iter_mut().zip(phi) {
             (node.phi, node.q) = (phi, phi * (1.0 - phi));
-            if node.q > OUTER {
-                node.s = logit(phi);
-                if powers {
-                    for (o, (b, _)) in TETRAHEDRON_CUBIC.iter().enumerate() {
-                        node.powers[2 * o] = (-b * node.s).exp();
-                        node.powers[2 * o + 1] = ((4.0 * b - 1.0) * node.s).exp();
-                    }
-                }
+            node.s = logit(phi);
+            if powers {
+                node.powers = if node.s.abs() == CLIP {
+                    clipped[(node.s > 0.0) as usize]
+                } else {
+                    powers_of(node.s)
+                };
             }
         }
     }
@@ -114,28 +125,55 @@ pub fn profile_weight(n: [&Node; 4]) -> f64 {
     window(q) * smoothstep((STEEP[1] - range) * (1.0 / (STEEP[1] - STEEP[0])))
 }
 
-/// Of an element in the band; `None` if w = 0.
+/// σ at the four points of an orbit.
 #[inline]
-pub fn moments(n: [&Node; 4]) -> Option<Moments> {
-    let w = profile_weight(n);
-    if w == 0.0 {
-        return None;
-    }
-    // ∫ N_i σ, and Σ_i of the same.
-    let (mut sigma, mut slope) = ([0.0; 4], 0.0);
+fn sigma(n: [&Node; 4], orbit: usize) -> [f64; 4] {
+    let p = n.map(|n| n.powers[2 * orbit]);
+    let common = p[0] * p[1] * (p[2] * p[3]);
+    n.map(|n| 1.0 / (1.0 + common * n.powers[2 * orbit + 1]))
+}
+
+/// Of an element with this w.
+#[inline]
+pub fn moments(n: [&Node; 4], w: f64) -> Moments {
+    // ∫ N_i σ, and ∫ σ(1−σ).
+    let (mut value, mut slope) = ([0.0; 4], 0.0);
     for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
-        let common =
-            n[0].powers[2 * o] * n[1].powers[2 * o] * (n[2].powers[2 * o] * n[3].powers[2 * o]);
-        let value = n.map(|n| 1.0 / (1.0 + common * n.powers[2 * o + 1]));
-        let sum = value[0] + value[1] + (value[2] + value[3]);
+        let sigma = sigma(n, o);
+        let sum = sigma[0] + sigma[1] + (sigma[2] + sigma[3]);
         for k in 0..4 {
-            sigma[k] += weight * (b * sum + (1.0 - 4.0 * b) * value[k]);
-            slope += weight * value[k] * (1.0 - value[k]);
+            value[k] += weight * (b * sum + (1.0 - 4.0 * b) * sigma[k]);
+            slope += weight * sigma[k] * (1.0 - sigma[k]);
         }
     }
     let chord = n[0].phi + n[1].phi + (n[2].phi + n[3].phi);
-    let excess = std::array::from_fn(|i| w * (sigma[i] - (1.0 / 20.0) * (chord + n[i].phi)));
-    Some(Moments { excess, slope: w * slope, w })
+    let excess = std::array::from_fn(|i| w * (value[i] - (1.0 / 20.0) * (chord + n[i].phi)));
+    Moments { excess, slope: w * slope, w }
+}
+
+/// `∂(∫ N_i (φ* − φ_h))/∂φ_j` over the unit volume at fixed w.
+#[inline]
+pub fn tangent(n: [&Node; 4], w: f64) -> [[f64; 4]; 4] {
+    let mut t = [[0.0; 4]; 4];
+    for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
+        let sigma = sigma(n, o);
+        let slope = sigma.map(|sigma| weight * sigma * (1.0 - sigma));
+        let all = b * b * (slope[0] + slope[1] + (slope[2] + slope[3]));
+        let c = 1.0 - 4.0 * b;
+        for i in 0..4 {
+            for j in 0..4 {
+                t[i][j] += all + b * c * (slope[i] + slope[j]);
+            }
+            t[i][i] += c * c * slope[i];
+        }
+    }
+    for j in 0..4 {
+        for (i, row) in t.iter_mut().enumerate() {
+            let chord = if i == j { 0.1 } else { 0.05 };
+            row[j] = w * (row[j] / n[j].q - chord);
+        }
+    }
+    t
 }
 
 #[cfg(test)]
@@ -145,7 +183,10 @@ mod tests {
     fn element(s: [f64; 4]) -> Moments {
         let mut profile = Profile::default();
         profile.set(&s.map(sigmoid), true);
-        moments(profile.in_band(&[0, 1, 2, 3]).unwrap()).unwrap()
+        {
+            let nodes = profile.in_band(&[0, 1, 2, 3]).unwrap();
+            moments(nodes, profile_weight(nodes))
+        }
     }
 
     /// ∫ over the unit-volume tetrahedron by Gauss points of a collapsed cube, exact to degree 9.

@@ -12,8 +12,8 @@
 //! volume. The sum of all targets is the initial volume plus inflow at all times.
 
 use super::Phase;
-use super::profile::{OUTER, logit, moments, sigmoid};
-use super::water::{NONE, bodies_of_water};
+use super::profile::{OUTER, logit, moments, profile_weight, sigmoid};
+use super::water::{NONE, bodies_of_water, contacts, root};
 use crate::case::VolumeCorrection;
 use crate::mesh::MeshPart;
 use std::collections::BTreeMap;
@@ -84,8 +84,9 @@ fn nodal_volume(phase: &mut Phase, part: &MeshPart, out: &mut Vec<f64>) {
     excess.fill(0.0);
     if phase.profile_correction {
         for (e, tet) in part.mesh.tets.iter().enumerate() {
-            let Some(p) = phase.profile.in_band(tet).and_then(moments) else { continue };
-            let volume = crate::fem::tetrahedron::Tetrahedron::of(&part.mesh, e).volume;
+            let Some(nodes) = phase.profile.in_band(tet) else { continue };
+            let p = moments(nodes, profile_weight(nodes));
+            let volume = crate::mesh::tetrahedron::Tetrahedron::of(&part.mesh, e).volume;
             for i in 0..4 {
                 excess[tet[i] as usize] += volume * p.excess[i];
             }
@@ -209,10 +210,41 @@ impl Phase {
             }
             spray = spray_now;
         }
+        self.share_within_contacts(part, &names, &present, &mut target);
         self.ledger.bodies =
             target.into_iter().map(|(name, target)| Body { name, target }).collect();
         self.ledger.spray = spray;
         self.ledger.names = names;
+    }
+
+    /// Bodies whose bands touch exchange water across the border of their labels: their targets are pooled and
+    /// shared in proportion to their present volume.
+    fn share_within_contacts(
+        &self,
+        part: &MeshPart,
+        names: &[u64],
+        present: &BTreeMap<u64, f64>,
+        target: &mut BTreeMap<u64, f64>,
+    ) {
+        let bodies: Vec<u64> = target.keys().copied().collect();
+        let index = |name| bodies.binary_search(&name).expect("every named body has an account");
+        let mut parent: Vec<u32> = (0..bodies.len() as u32).collect();
+        for (a, b) in contacts(part, &self.solver.matrix, names) {
+            let (a, b) = (root(&mut parent, index(a) as u32), root(&mut parent, index(b) as u32));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+        // Of each group: target, present volume, members.
+        let mut sums = vec![[0.0; 3]; bodies.len()];
+        for (i, name) in bodies.iter().enumerate() {
+            let sum = &mut sums[root(&mut parent, i as u32) as usize];
+            *sum = [sum[0] + target[name], sum[1] + present[name], sum[2] + 1.0];
+        }
+        for (i, name) in bodies.iter().enumerate() {
+            let [all, volume, members] = sums[root(&mut parent, i as u32) as usize];
+            if members > 1.0 && volume > 0.0 {
+                target.insert(*name, all * present[name] / volume);
+            }
+        }
     }
 
     /// Shifts ψ until every body has its target; returns the total volume and the largest shift.
@@ -290,5 +322,127 @@ impl Phase {
         self.nodal_volume = volumes;
         self.band = band;
         (total, shift.iter().fold(0.0, |m, s: &f64| m.max(s.abs())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{SETTINGS, solver};
+    use super::*;
+    use crate::case::FreeSurface;
+    use crate::fem::norm;
+    use crate::mesh::boxes::tensor_box;
+    use crate::phase::initial;
+
+    /// A box 2 × 1 × 1 of 24 × 12 × 12 cells with spheres of water (x of the centre, radius).
+    fn drops(
+        correction: VolumeCorrection,
+        spheres: &[(f64, f64)],
+    ) -> (MeshPart, impl Fn(&[(f64, f64)]) -> Vec<f64> + use<>, Phase) {
+        let lines = |n: usize| -> Vec<f64> { (0..=n).map(|i| i as f64 / 12.0).collect() };
+        let part = MeshPart::single(tensor_box([&lines(24), &lines(12), &lines(12)]));
+        let nodes = part.mesh.nodes.clone();
+        let field = move |spheres: &[(f64, f64)]| {
+            let distance = |x: &[f64; 3]| {
+                let d = |&(c, r)| r - norm([x[0] - c, x[1] - 0.5, x[2] - 0.5]);
+                spheres.iter().map(d).fold(f64::NEG_INFINITY, f64::max)
+            };
+            let distance: Vec<f64> = nodes.iter().map(distance).collect();
+            initial::profile(&distance, 0.025)
+        };
+        let settings =
+            FreeSurface { volume_correction: correction, thickness: Some(0.025), ..SETTINGS };
+        let phi = field(spheres);
+        let phase = Phase::new(&part, &settings, &solver(1e-6), 1.0 / 12.0, phi, Vec::new());
+        (part, field, phase)
+    }
+
+    fn targets(phase: &Phase) -> Vec<f64> {
+        phase.ledger.bodies.iter().map(|b| b.target).collect()
+    }
+
+    #[test]
+    fn a_lost_volume_is_restored_to_the_last_digit() {
+        for correction in [VolumeCorrection::Global, VolumeCorrection::PerBody] {
+            let (part, field, mut phase) = drops(correction, &[(0.35, 0.25), (1.65, 0.25)]);
+            let target = phase.ledger.target;
+            phase.phi = field(&[(0.35, 0.247), (1.65, 0.25)]);
+            let report = phase.restore_volume(&part);
+            assert!(report.error < -1e-3 * target);
+            assert!((report.volume / target - 1.0).abs() < 1e-12, "{report:?}");
+            assert!((report.correction + report.error).abs() < 1e-12 * target);
+            assert!((phase.volume(&part) - report.volume).abs() < 1e-15);
+            if correction == VolumeCorrection::PerBody {
+                // The second drop lost nothing and gets nothing.
+                let exact = field(&[(0.35, 0.25), (1.65, 0.25)]);
+                let moved = (part.mesh.nodes.iter().zip(&phase.phi).zip(&exact))
+                    .filter(|((x, _), _)| x[0] > 1.1)
+                    .map(|((_, a), b)| (a - b).abs())
+                    .fold(0.0, f64::max);
+                assert!(moved < 1e-4, "{moved}");
+                assert_eq!(report.bodies, 2);
+            }
+        }
+    }
+
+    #[test]
+    fn a_large_loss_is_restored_over_several_steps() {
+        let (part, field, mut phase) = drops(VolumeCorrection::Global, &[(0.5, 0.3)]);
+        phase.phi = field(&[(0.5, 0.28)]);
+        let h = phase.cell;
+        let reports: Vec<_> = (0..4).map(|_| phase.restore_volume(&part)).collect();
+        assert!((reports[0].shift - 0.1 * h).abs() < 1e-15);
+        assert!(reports[0].volume < reports[0].target * 0.99);
+        assert!((reports[3].volume / reports[3].target - 1.0).abs() < 1e-12);
+        let sum: f64 = reports.iter().map(|r| r.correction).sum();
+        assert!((sum - reports[3].corrected).abs() < 1e-15);
+        assert!((sum - reports[3].moved).abs() < 1e-12);
+    }
+
+    #[test]
+    fn merging_adds_targets_and_splitting_divides_them() {
+        let apart = [(0.5, 0.3), (1.5, 0.2)];
+        let (part, field, mut phase) = drops(VolumeCorrection::PerBody, &apart);
+        let before = targets(&phase);
+        assert_eq!(before.len(), 2);
+        let sum: f64 = before.iter().sum();
+        // The bridge is water that was not there: it will be taken away again.
+        phase.phi = field(&[(0.5, 0.3), (0.9, 0.15), (1.2, 0.15), (1.5, 0.2)]);
+        phase.restore_volume(&part);
+        let merged = targets(&phase);
+        assert_eq!(merged.len(), 1);
+        assert!((merged[0] / sum - 1.0).abs() < 1e-3);
+        assert!((merged[0] + phase.ledger.spray - phase.ledger.target).abs() < 1e-14);
+        phase.phi = field(&apart);
+        phase.restore_volume(&part);
+        let parted = targets(&phase);
+        assert_eq!(parted.len(), 2);
+        assert!((parted[0] + parted[1] + phase.ledger.spray - phase.ledger.target).abs() < 1e-14);
+        for (a, b) in parted.iter().zip(&before) {
+            assert!((a / b - 1.0).abs() < 2e-3, "{parted:?} {before:?}");
+        }
+    }
+
+    #[test]
+    fn a_drop_below_50_cells_is_left_alone_and_spray_has_an_account() {
+        let (part, field, mut phase) = drops(VolumeCorrection::PerBody, &[(0.5, 0.3), (1.5, 0.15)]);
+        let before = targets(&phase);
+        assert!(before[1] < SMALLEST * phase.cell.powi(3));
+        let lost = field(&[(0.5, 0.3), (1.5, 0.13)]);
+        phase.phi.clone_from(&lost);
+        let report = phase.restore_volume(&part);
+        assert!(report.correction.abs() < 1e-4 * before[0], "{report:?}");
+        assert!((targets(&phase)[1] / before[1] - 1.0).abs() < 1e-2, "its target is kept");
+        // It disperses: what is left of it is spray, what is missing is owed by the body.
+        for (phi, x) in phase.phi.iter_mut().zip(&part.mesh.nodes) {
+            if x[0] > 1.1 {
+                *phi *= 0.4;
+            }
+        }
+        phase.restore_volume(&part);
+        assert_eq!(phase.ledger.bodies.len(), 1);
+        assert!(phase.ledger.spray > 0.1 * before[1]);
+        let sum = phase.ledger.bodies[0].target + phase.ledger.spray;
+        assert!((sum - phase.ledger.target).abs() < 1e-14);
     }
 }

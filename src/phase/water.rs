@@ -8,6 +8,7 @@
 use super::profile::OUTER;
 use crate::linear::BlockCsr;
 use crate::mesh::MeshPart;
+use std::collections::BTreeSet;
 
 /// The name of no body: air, and spray that is nowhere wetter than ½.
 pub const NONE: u64 = u64::MAX;
@@ -19,7 +20,8 @@ pub fn bodies_of_water(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec
     names
 }
 
-fn root(parent: &mut [u32], mut i: u32) -> u32 {
+/// The root of `i`; halves the path to it.
+pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
     while parent[i as usize] != i {
         parent[i as usize] = parent[parent[i as usize] as usize];
         i = parent[i as usize];
@@ -99,6 +101,29 @@ fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]
     }
 }
 
+/// Pairs of bodies (smaller name first, ascending) whose bands touch; the same on every rank.
+/// Collective.
+pub fn contacts(part: &MeshPart, graph: &BlockCsr<1>, names: &[u64]) -> Vec<(u64, u64)> {
+    let mut pairs = BTreeSet::new();
+    for i in 0..part.n_owned() {
+        let a = names[i];
+        if a == NONE {
+            continue;
+        }
+        let mut last = a;
+        for &j in &graph.columns[graph.row(i)] {
+            let b = names[j as usize];
+            if b != last && b != a && b != NONE {
+                pairs.insert((a.min(b), a.max(b)));
+                last = b;
+            }
+        }
+    }
+    let mine: Vec<_> = pairs.into_iter().collect();
+    let all: BTreeSet<_> = part.comm.all_gather(&mine).into_iter().flatten().collect();
+    all.into_iter().collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,13 +149,14 @@ mod tests {
             .collect();
         let names = bodies_of_water(&part, &graph, &phi);
         for (p, &name) in part.mesh.nodes.iter().zip(&names) {
-            // Middle of the dry stretch: each side's front advances a layer at a time.
+            // x = 11 is three layers from both and as wet on both sides: the smaller name.
             let expected = match p[0] as u64 {
-                4..=10 => 4,
-                11..=20 => 14,
+                4..=11 => 4,
+                12..=20 => 14,
                 _ => NONE,
             };
             assert_eq!(name, expected, "x = {}", p[0]);
         }
+        assert_eq!(contacts(&part, &graph, &names), [(4, 14)]);
     }
 }

@@ -1,0 +1,141 @@
+//! What one element adds to the transport step: the matrix for φ* = φ_h, and the profile's part.
+
+use super::boundary::face_flux;
+use super::profile::{moments, tangent};
+use super::transport::Given;
+use super::{Form, Phase};
+use crate::fem::dot;
+use crate::mesh::MeshPart;
+use crate::mesh::tetrahedron::Tetrahedron;
+
+/// ũ against the shape functions of one element.
+struct Convection {
+    /// `b[k][j]` = ũ(x_k)·∇N_j.
+    b: [[f64; 4]; 4],
+    /// ũ_e·∇N_j.
+    mean: [f64; 4],
+    tau: f64,
+}
+
+impl Convection {
+    #[inline]
+    fn new(t: &Tetrahedron, u: [[f64; 3]; 4], fine: [f64; 3], dt: f64) -> Self {
+        let u = u.map(|u| [u[0] - fine[0], u[1] - fine[1], u[2] - fine[2]]);
+        let b = u.map(|u| t.grad.map(|g| dot(u, g)));
+        let mean = std::array::from_fn(|j| 0.25 * (b[0][j] + b[1][j] + b[2][j] + b[3][j]));
+        let um = std::array::from_fn(|c| 0.25 * (u[0][c] + u[1][c] + u[2][c] + u[3][c]));
+        let h = t.size();
+        let tau = 1.0 / (4.0 / (dt * dt) + 4.0 * dot(um, um) / (h * h)).sqrt();
+        Self { b, mean, tau }
+    }
+}
+
+/// The matrix for φ* = φ_h, rows divided by the lumped mass, and Δt (C + K) φⁿ in `constant`, with the
+/// diffusion γδ of the forms that have it.
+pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
+    let (n_owned, dt) = (part.n_owned(), given.dt);
+    let gamma_delta = if phase.form == Form::Psi { 0.0 } else { given.speed * phase.delta };
+    let s = &mut phase.solver;
+    s.matrix.clear();
+    s.constant.fill(0.0);
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let n = tet.map(|n| n as usize);
+        let t = Tetrahedron::of(&part.mesh, e);
+        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], dt);
+        let phi = n.map(|n| phase.phi[n]);
+        let grad = t.gradient(phi);
+        let m = (1.0 / 20.0) * t.volume;
+        let diffusion = gamma_delta * t.volume;
+        let along: f64 = (0..4).map(|j| c.mean[j] * phi[j]).sum();
+        for i in 0..4 {
+            if n[i] >= n_owned {
+                continue;
+            }
+            let supg = t.volume * c.tau * c.mean[i];
+            let galerkin: f64 = (0..4).map(|j| (4.0 * c.mean[j] + c.b[i][j]) * phi[j]).sum();
+            s.constant[n[i]] +=
+                dt * (m * galerkin + supg * along + diffusion * dot(t.grad[i], grad));
+            let scale = phase.inverse_lumped[n[i]];
+            for j in 0..4 {
+                let mass = if i == j { 2.0 * m } else { m } + 0.25 * supg;
+                let space = m * (4.0 * c.mean[j] + c.b[i][j])
+                    + supg * c.mean[j]
+                    + diffusion * dot(t.grad[i], t.grad[j]);
+                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] +=
+                    scale * (mass + 0.5 * dt * space);
+            }
+        }
+    }
+}
+
+/// Which end of the step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Level {
+    /// `−` the mass in the SUPG test; the Galerkin test's is `phase.excess`. Its tangent goes to the matrix.
+    Old,
+    /// `+` the mass; in the Galerkin test it is left in `solver.excess`.
+    New,
+}
+
+/// The profile's part at the level `phase.profile` is of, added to `out` (owned rows): half the
+/// step's fluxes and SUPG, and the masses as `level` says.
+pub(super) fn add_profile(
+    phase: &mut Phase,
+    part: &MeshPart,
+    given: &Given<'_>,
+    level: Level,
+    out: &mut [f64],
+) {
+    let n_owned = part.n_owned();
+    let half = 0.5 * given.dt;
+    let sign = if level == Level::New { 1.0 } else { -1.0 };
+    let s = &mut phase.solver;
+    s.excess.fill(0.0);
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let w = f64::from(s.weight[e]);
+        if w == 0.0 {
+            continue;
+        }
+        let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
+        let n = tet.map(|n| n as usize);
+        let p = moments(nodes, w);
+        let t = Tetrahedron::of(&part.mesh, e);
+        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], given.dt);
+        // ∫ ũ_e·(∇φ* − ∇φ_h) over the unit volume.
+        let along: f64 =
+            (0..4).map(|j| c.mean[j] * (p.slope * nodes[j].s - w * nodes[j].phi)).sum();
+        let total: f64 = p.excess.iter().sum();
+        for i in (0..4).filter(|&i| n[i] < n_owned) {
+            let flux: f64 = (0..4).map(|k| c.b[k][i] * p.excess[k]).sum();
+            out[n[i]] +=
+                t.volume * (c.tau * c.mean[i] * (sign * total + half * along) - half * flux);
+            s.excess[n[i]] += t.volume * p.excess[i];
+        }
+        if level == Level::New {
+            continue;
+        }
+        let g = tangent(nodes, w);
+        let column: [f64; 4] = std::array::from_fn(|j| g[0][j] + g[1][j] + g[2][j] + g[3][j]);
+        for i in (0..4).filter(|&i| n[i] < n_owned) {
+            let scale = t.volume * phase.inverse_lumped[n[i]];
+            for j in 0..4 {
+                let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
+                let along = c.mean[j] * (p.slope / nodes[j].q - w);
+                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] += scale
+                    * (g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along));
+            }
+        }
+    }
+    for face in &part.mesh.boundary {
+        let w = f64::from(s.weight[face.element as usize]);
+        if w == 0.0 {
+            continue;
+        }
+        let flux = face_flux(part, face, given.velocity, &phase.profile, w).excess;
+        for (&i, f) in face.nodes.iter().zip(flux) {
+            if (i as usize) < n_owned {
+                out[i as usize] += half * f;
+            }
+        }
+    }
+}
