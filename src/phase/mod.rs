@@ -83,6 +83,8 @@ pub struct Phase {
     // Scratch.
     profile: Profile,
     before: Vec<f64>,
+    /// Σ_e V_e n_e of `regularise`.
+    normal: Vec<[f64; 3]>,
     nodal_volume: Vec<f64>,
     band: Vec<(u32, u32, f64)>,
 }
@@ -133,6 +135,7 @@ impl Phase {
             solver: transport::Solver::new(part),
             profile: Profile::default(),
             before: phi.clone(),
+            normal: vec![[0.0; 3]; n],
             nodal_volume: Vec::new(),
             band: Vec::new(),
             phi,

@@ -1,9 +1,14 @@
-//! Regularisation in ψ form (METHOD §3): n explicit conservative sub-steps after transport,
+//! Regularisation in ψ form (METHOD §3): k explicit conservative sub-steps after transport,
 //!
-//!     m_i Δφ_i = −(Δt/n) Σ_e V_e ∇N_i·s_e (∇ψ_h − n_e),   n_e = ∇ψ_h/|∇ψ_h|,   s_e = Γ w(q) q G
+//!     m_i Δφ_i = −(Δt/k) Σ_e V_e ∇N_i·s_e r_e,   s_e = Γ w(q) q G,   r = d n̄ + max(−d, 0) (∇ψ_h − (1+d) n̄)
 //!
-//! with `q = min φ(1−φ)` over the element's nodes and the gate `G = d²/(d²+0.1²)`, `d = |∇ψ_h| − 1`. A flat
-//! profile of width δ, at any slope, has ∇ψ_h = n_e in every element: nothing moves, to round-off.
+//! with `q = min φ(1−φ)` over the element's nodes, `d = ∇ψ_h·n̄ − 1` and the gate `G = d²/(d²+0.1²)`. A flat
+//! profile of width δ, at any slope, has ∇ψ_h = n̄ in every element: nothing moves, to round-off.
+//!
+//! METHOD has `r = ∇ψ_h − n_e` with the element's own normal. Its part across n_e is `(1 − 1/|∇ψ|)` times the
+//! change of ∇ψ: where the profile is thicker than δ, |∇ψ| < 1, that is diffusion of the wrong sign, fastest at
+//! the grid scale, and a profile 1.5 δ thick breaks up into lumps. Here n̄ is averaged over the elements around
+//! the element's nodes, r acts along it, and across it only with diffusion of the right sign.
 //!
 //! Explicit limit: since dψ/dφ = δ/(φ(1−φ)) and q is the smallest φ(1−φ), the linearised diffusivity is at
 //! most Γδ, and the largest eigenvalue of the lumped step at most Γδ λ, λ = 4 λ_max(Σ_i ∇N_i ∇N_iᵀ) of
@@ -11,7 +16,7 @@
 
 use super::Phase;
 use super::profile::{smoothstep, window};
-use crate::fem::norm;
+use crate::fem::{dot, norm};
 use crate::mesh::tetrahedron::Tetrahedron;
 use crate::mesh::{Mesh, MeshPart};
 use nalgebra::Matrix3;
@@ -50,6 +55,7 @@ pub(super) fn sub_steps(phase: &mut Phase, part: &MeshPart, dt: f64, speed: f64)
         return 0;
     }
     let n = ((worst / LIMIT).ceil() as u32).clamp(SUB_STEPS[0], SUB_STEPS[1]);
+    set_normals(phase, part);
     for sub in 0..n {
         if sub > 0 {
             phase.profile.set(&phase.phi, false);
@@ -71,23 +77,52 @@ fn sub_step(phase: &mut Phase, part: &MeshPart, dt: f64, speed: f64) {
         let t = Tetrahedron::of(&part.mesh, e);
         let slope = t.gradient(nodes.map(|n| phase.delta * n.s));
         let size = norm(slope);
-        let d = size - 1.0;
         if size < 1e-12 {
             continue;
         }
+        let mut n = [0.0; 3];
+        for i in tet.map(|i| i as usize) {
+            for k in 0..3 {
+                n[k] += phase.normal[i][k];
+            }
+        }
+        let along = dot(n, slope);
+        // Across a sheet thinner than two elements the average means nothing.
+        let n = if along > 0.0 { n.map(|c| c / norm(n)) } else { slope.map(|c| c / size) };
+        let d = dot(n, slope) - 1.0;
+        let c = (-d).clamp(0.0, 1.0);
+        let r: [f64; 3] = std::array::from_fn(|k| d * n[k] + c * (slope[k] - (1.0 + d) * n[k]));
         let q = nodes[0].q.min(nodes[1].q).min(nodes[2].q.min(nodes[3].q));
         let speed = speed.min(most / f64::from(phase.stiffness[e]));
         let s = speed * window(q) * q * (d * d / (d * d + GATE * GATE));
-        // ∇ψ − n = ∇ψ d/|∇ψ|
-        let flux = dt * t.volume * s * d / size;
+        let flux = dt * t.volume * s;
         for i in 0..4 {
             let at = tet[i] as usize;
             if at < n_owned {
-                phase.phi[at] -=
-                    flux * crate::fem::dot(t.grad[i], slope) * phase.inverse_lumped[at];
+                phase.phi[at] -= flux * dot(t.grad[i], r) * phase.inverse_lumped[at];
             }
         }
     }
+}
+
+/// Σ_e V_e n_e around each node.
+fn set_normals(phase: &mut Phase, part: &MeshPart) {
+    phase.normal.fill([0.0; 3]);
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let Some(nodes) = phase.profile.in_band(tet) else { continue };
+        let t = Tetrahedron::of(&part.mesh, e);
+        let slope = t.gradient(nodes.map(|n| n.s));
+        let size = norm(slope);
+        if size == 0.0 {
+            continue;
+        }
+        for i in tet.map(|i| i as usize) {
+            for k in 0..3 {
+                phase.normal[i][k] += t.volume / size * slope[k];
+            }
+        }
+    }
+    part.exchange.update_ghosts(&mut phase.normal);
 }
 
 /// `m_i Δφ_i −= Δt Γδ v(o) ∫ ∇N_i·∇φ_h` where φ leaves [0, 1] by o.
@@ -106,7 +141,7 @@ fn diffuse_overshoot(phase: &mut Phase, part: &MeshPart, e: usize, dt: f64, spee
     for i in 0..4 {
         let at = tet[i] as usize;
         if at < part.n_owned() {
-            phase.phi[at] -= flux * crate::fem::dot(t.grad[i], grad) * phase.inverse_lumped[at];
+            phase.phi[at] -= flux * dot(t.grad[i], grad) * phase.inverse_lumped[at];
         }
     }
 }
@@ -117,42 +152,44 @@ mod tests {
     use super::*;
     use crate::phase::profile::sigmoid;
 
-    /// L1 distance of φ to the tanh of thickness δ, after sub-steps from one of another thickness.
-    fn relaxed(start: f64, slope: f64, steps: usize) -> (f64, f64) {
+    /// Smallest and largest ∇ψ·ẑ, and largest slope aside, where φ(1−φ) > 0.05, after sub-steps from a flat
+    /// profile of `start` times δ.
+    fn relaxed(start: f64, steps: usize) -> [f64; 3] {
         let part = cube(12);
-        let along = |x: [f64; 3]| (0.5 - x[2] + slope * (x[0] - 0.5)) / f64::hypot(1.0, slope);
         let settings = crate::case::FreeSurface { thickness: Some(0.09), ..SETTINGS };
-        let mut phase = of_distance(&part, &settings, 1e-6, along);
-        let exact = phase.phi.clone();
+        let mut phase = of_distance(&part, &settings, 1e-6, |x| x[2] - 0.47);
         for (phi, x) in phase.phi.iter_mut().zip(&part.mesh.nodes) {
-            *phi = sigmoid(along(*x) / (start * phase.delta));
+            *phi = sigmoid((x[2] - 0.47) / (start * phase.delta));
         }
-        let total = |phi: &[f64]| phi.iter().zip(&phase.lumped).map(|(f, m)| f * m).sum::<f64>();
-        let before = total(&phase.phi);
-        let lumped = phase.lumped.clone();
+        let total = |phase: &Phase| -> f64 {
+            phase.phi.iter().zip(&phase.lumped).map(|(f, m)| f * m).sum()
+        };
+        let before = total(&phase);
         for _ in 0..steps {
             sub_steps(&mut phase, &part, 0.05, 1.0);
         }
-        let after: f64 = phase.phi.iter().zip(&lumped).map(|(f, m)| f * m).sum();
-        assert!((after / before - 1.0).abs() < 1e-13, "the sub-steps conserve ∫φ_h");
-        let away =
-            phase.phi.iter().zip(&exact).zip(&lumped).map(|((a, b), m)| (a - b).abs() * m).sum();
-        (away, lumped.iter().sum())
+        assert!((total(&phase) / before - 1.0).abs() < 1e-13, "the sub-steps conserve ∫φ_h");
+        phase.profile.set(&phase.phi, false);
+        let mut seen = [f64::MAX, 0.0f64, 0.0f64];
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            let nodes = tet.map(|n| phase.profile.nodes[n as usize]);
+            if nodes.iter().all(|n| n.q > 0.05) {
+                let g = Tetrahedron::of(&part.mesh, e).gradient(nodes.map(|n| phase.delta * n.s));
+                seen = [seen[0].min(g[2]), seen[1].max(g[2]), seen[2].max(g[0].hypot(g[1]))];
+            }
+        }
+        seen
     }
 
     #[test]
-    fn a_profile_of_any_thickness_relaxes_to_the_tanh() {
-        for start in [0.5, 2.0] {
-            for slope in [0.0, 0.3] {
-                let (first, _) = relaxed(start, slope, 0);
-                let (last, volume) = relaxed(start, slope, 60);
-                // A thickness wrong by 1 % is 0.01 · 2 ln 2 · δ away; the gate leaves a few per cent alone.
-                let per_cent = 0.01 * 2.0 * 2f64.ln() * 0.09;
-                assert!(
-                    first > 30.0 * per_cent && last < 8.0 * per_cent * volume,
-                    "{start} {slope}: {first} {last}"
-                );
-            }
+    fn a_profile_of_any_thickness_relaxes_to_the_tanh_without_breaking_up() {
+        for start in [0.6, 1.5, 2.0] {
+            let [least, most, aside] = relaxed(start, 0);
+            assert!((least * start - 1.0).abs() < 1e-10 && (most * start - 1.0).abs() < 1e-10);
+            assert!(aside < 1e-10);
+            // The gate leaves slope errors of a few per cent alone.
+            let [least, most, aside] = relaxed(start, 60);
+            assert!(least > 0.93 && most < 1.07 && aside < 0.08, "{start}: {least} {most} {aside}");
         }
     }
 
