@@ -334,27 +334,29 @@ mod tests {
     use crate::mesh::boxes::tensor_box;
     use crate::phase::initial;
 
-    /// A box 2 × 1 × 1 of 24 × 12 × 12 cells with spheres of water (x of the centre, radius).
-    fn drops(
-        correction: VolumeCorrection,
-        spheres: &[(f64, f64)],
-    ) -> (MeshPart, impl Fn(&[(f64, f64)]) -> Vec<f64> + use<>, Phase) {
+    /// A box 2 × 1 × 1 of 24 × 12 × 12 cells.
+    fn tank() -> MeshPart {
         let lines = |n: usize| -> Vec<f64> { (0..=n).map(|i| i as f64 / 12.0).collect() };
-        let part = MeshPart::single(tensor_box([&lines(24), &lines(12), &lines(12)]));
-        let nodes = part.mesh.nodes.clone();
-        let field = move |spheres: &[(f64, f64)]| {
-            let distance = |x: &[f64; 3]| {
-                let d = |&(c, r)| r - norm([x[0] - c, x[1] - 0.5, x[2] - 0.5]);
-                spheres.iter().map(d).fold(f64::NEG_INFINITY, f64::max)
-            };
-            let distance: Vec<f64> = nodes.iter().map(distance).collect();
-            initial::profile(&distance, 0.025)
+        MeshPart::single(tensor_box([&lines(24), &lines(12), &lines(12)]))
+    }
+
+    /// Spheres of water (x of the centre, radius) in the tank.
+    fn field(part: &MeshPart, spheres: &[(f64, f64)]) -> Vec<f64> {
+        let distance = |x: &[f64; 3]| {
+            let d = |&(c, r)| r - norm([x[0] - c, x[1] - 0.5, x[2] - 0.5]);
+            spheres.iter().map(d).fold(f64::NEG_INFINITY, f64::max)
         };
+        let distance: Vec<f64> = part.mesh.nodes.iter().map(distance).collect();
+        initial::profile(&distance, 0.025)
+    }
+
+    fn drops(correction: VolumeCorrection, spheres: &[(f64, f64)]) -> (MeshPart, Phase) {
+        let part = tank();
         let settings =
             FreeSurface { volume_correction: correction, thickness: Some(0.025), ..SETTINGS };
-        let phi = field(spheres);
+        let phi = field(&part, spheres);
         let phase = Phase::new(&part, &settings, &solver(1e-6), 1.0 / 12.0, phi, Vec::new());
-        (part, field, phase)
+        (part, phase)
     }
 
     fn targets(phase: &Phase) -> Vec<f64> {
@@ -364,9 +366,9 @@ mod tests {
     #[test]
     fn a_lost_volume_is_restored_to_the_last_digit() {
         for correction in [VolumeCorrection::Global, VolumeCorrection::PerBody] {
-            let (part, field, mut phase) = drops(correction, &[(0.35, 0.25), (1.65, 0.25)]);
+            let (part, mut phase) = drops(correction, &[(0.35, 0.25), (1.65, 0.25)]);
             let target = phase.ledger.target;
-            phase.phi = field(&[(0.35, 0.247), (1.65, 0.25)]);
+            phase.phi = field(&part, &[(0.35, 0.247), (1.65, 0.25)]);
             let report = phase.restore_volume(&part);
             assert!(report.error < -1e-3 * target);
             assert!((report.volume / target - 1.0).abs() < 1e-12, "{report:?}");
@@ -374,7 +376,7 @@ mod tests {
             assert!((phase.volume(&part) - report.volume).abs() < 1e-15);
             if correction == VolumeCorrection::PerBody {
                 // The second drop lost nothing and gets nothing.
-                let exact = field(&[(0.35, 0.25), (1.65, 0.25)]);
+                let exact = field(&part, &[(0.35, 0.25), (1.65, 0.25)]);
                 let moved = (part.mesh.nodes.iter().zip(&phase.phi).zip(&exact))
                     .filter(|((x, _), _)| x[0] > 1.1)
                     .map(|((_, a), b)| (a - b).abs())
@@ -387,8 +389,8 @@ mod tests {
 
     #[test]
     fn a_large_loss_is_restored_over_several_steps() {
-        let (part, field, mut phase) = drops(VolumeCorrection::Global, &[(0.5, 0.3)]);
-        phase.phi = field(&[(0.5, 0.28)]);
+        let (part, mut phase) = drops(VolumeCorrection::Global, &[(0.5, 0.3)]);
+        phase.phi = field(&part, &[(0.5, 0.28)]);
         let h = phase.cell;
         let reports: Vec<_> = (0..4).map(|_| phase.restore_volume(&part)).collect();
         assert!((reports[0].shift - 0.1 * h).abs() < 1e-15);
@@ -402,18 +404,18 @@ mod tests {
     #[test]
     fn merging_adds_targets_and_splitting_divides_them() {
         let apart = [(0.5, 0.3), (1.5, 0.2)];
-        let (part, field, mut phase) = drops(VolumeCorrection::PerBody, &apart);
+        let (part, mut phase) = drops(VolumeCorrection::PerBody, &apart);
         let before = targets(&phase);
         assert_eq!(before.len(), 2);
         let sum: f64 = before.iter().sum();
         // The bridge is water that was not there: it will be taken away again.
-        phase.phi = field(&[(0.5, 0.3), (0.9, 0.15), (1.2, 0.15), (1.5, 0.2)]);
+        phase.phi = field(&part, &[(0.5, 0.3), (0.9, 0.15), (1.2, 0.15), (1.5, 0.2)]);
         phase.restore_volume(&part);
         let merged = targets(&phase);
         assert_eq!(merged.len(), 1);
         assert!((merged[0] / sum - 1.0).abs() < 1e-3);
         assert!((merged[0] + phase.ledger.spray - phase.ledger.target).abs() < 1e-14);
-        phase.phi = field(&apart);
+        phase.phi = field(&part, &apart);
         phase.restore_volume(&part);
         let parted = targets(&phase);
         assert_eq!(parted.len(), 2);
@@ -425,10 +427,10 @@ mod tests {
 
     #[test]
     fn a_drop_below_50_cells_is_left_alone_and_spray_has_an_account() {
-        let (part, field, mut phase) = drops(VolumeCorrection::PerBody, &[(0.5, 0.3), (1.5, 0.15)]);
+        let (part, mut phase) = drops(VolumeCorrection::PerBody, &[(0.5, 0.3), (1.5, 0.15)]);
         let before = targets(&phase);
         assert!(before[1] < SMALLEST * phase.cell.powi(3));
-        let lost = field(&[(0.5, 0.3), (1.5, 0.13)]);
+        let lost = field(&part, &[(0.5, 0.3), (1.5, 0.13)]);
         phase.phi.clone_from(&lost);
         let report = phase.restore_volume(&part);
         assert!(report.correction.abs() < 1e-4 * before[0], "{report:?}");
