@@ -41,7 +41,8 @@ pub struct Flow {
     pub steps: u64,
     /// What the boundaries fix.
     pub constraints: Constraints,
-    tolerance: f64,
+    /// Residual to reach in a step, relative to that of the previous step's solution.
+    pub tolerance: f64,
     max_iterations: u32,
     picard: u32,
     body_force: Option<[Formula; 3]>,
