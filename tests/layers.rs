@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Each room, the rooms it may name, the members of the workspace it may name.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
-    ("main", &["case", "simulation"], &["partition"]),
+    ("main", &["case", "report", "simulation"], &["partition"]),
     (
         "simulation",
         &["case", "fem", "flow", "linear", "mesh", "phase", "report", "setup"],

@@ -153,7 +153,7 @@ pub struct Time {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Regularisation {
-    /// Explicit conservative sub-step in ψ (METHOD §3, beyond).
+    /// Explicit conservative sub-step in ψ.
     Psi,
     /// As the paper's [11].
     Plain,

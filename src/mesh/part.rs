@@ -1,4 +1,4 @@
-//! This rank's piece of the mesh and its halo (METHOD §7 ownership).
+//! This rank's piece of the mesh and its halo (METHOD.md, 4).
 //!
 //! The reader splits the mesh and deals out the elements; each rank refines its own; then ownership
 //! and halo are found between the ranks that share nodes and faces. Only the reader ever holds the

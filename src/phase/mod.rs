@@ -1,6 +1,8 @@
 //! The free surface: a conservative Allen-Cahn phase field φ (1 liquid, 0 gas) on P1 tetrahedra.
 //!
-//!     ∂φ/∂t + u·∇φ = ∇·R,   R = γ(δ∇φ − φ(1−φ) ∇φ/|∇φ|)          Chiu & Lin 2011; METHOD §3
+//! ```text
+//!     ∂φ/∂t + u·∇φ = ∇·R,   R = γ(δ∇φ − φ(1−φ) ∇φ/|∇φ|)          Chiu & Lin 2011; METHOD.md, 2
+//! ```
 //!
 //! φ lives at half time levels: a step with uⁿ takes φ^{n−½} to φ^{n+½}.
 //!

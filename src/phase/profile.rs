@@ -1,7 +1,7 @@
 //! The interface's profile inside an element: `φ* = φ_h + w (σ(ψ_h/δ) − φ_h)`, `σ(s) = 1/(1+e^{−s})`.
 //!
 //! P1 draws chords under a profile that is a few elements wide. The nodal values of
-//! `ψ = δ ln(φ/(1−φ))`, interpolated linearly, give the profile its shape back (METHOD §3). `w` fades
+//! `ψ = δ ln(φ/(1−φ))`, interpolated linearly, give the profile its shape back (METHOD.md, 2). `w` fades
 //! the correction out where it has no meaning: by a smoothstep of `q = min φ(1−φ)` over the nodes,
 //! away from the interface, and by one of the range of ψ, in elements that are steeper than any
 //! profile δ can make on this mesh (splashes thinner than an element).

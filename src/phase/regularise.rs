@@ -1,6 +1,8 @@
-//! Regularisation in ψ form (METHOD §3): k explicit conservative sub-steps after transport,
+//! Regularisation in ψ form (METHOD.md, 2): k explicit conservative sub-steps after transport,
 //!
+//! ```text
 //!     m_i Δφ_i = −(Δt/k) Σ_e V_e ∇N_i·s_e r_e,   s_e = Γ w(q) q G,   r = d n̄ + max(−d, 0) (∇ψ_h − (1+d) n̄)
+//! ```
 //!
 //! with `q = min φ(1−φ)` over the element's nodes, `d = ∇ψ_h·n̄ − 1` and the gate `G = d²/(d²+0.1²)`. A flat
 //! profile of width δ, at any slope, has ∇ψ_h = n̄ in every element: nothing moves, to round-off.

@@ -2,8 +2,10 @@
 //!
 //! For every node i, with φ* the profile of `phase::profile` (φ* = φ_h where it is off):
 //!
+//! ```text
 //!     ∫ N_i ∂tφ* + ∫ N_i ũ·∇φ_h − ∫ (ũ·∇N_i)(φ*−φ_h) + ∮ N_i u·n (φ*−φ_h)
 //!     + Σ_e ∫ τ ũ_e·∇N_i (∂tφ* + ũ_e·∇φ*) = (N_i, r),    τ = [(2/Δt)² + (2|ũ_e|/h_e)²]^(-1/2)
+//! ```
 //!
 //! Terms without ∂t are means of the old and the new level; ũ is the velocity at mid-step and ũ_e its
 //! mean over the element.
