@@ -71,7 +71,7 @@ pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
 /// Which end of the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Level {
-    /// `−` the mass in the SUPG test; the Galerkin test's is `phase.excess`. Its tangent goes to the matrix.
+    /// `−` the mass in the SUPG test; the Galerkin test's is `phase.excess`.
     Old,
     /// `+` the mass; in the Galerkin test it is left in `solver.excess`.
     New,
@@ -111,20 +111,6 @@ pub(super) fn add_profile(
                 t.volume * (c.tau * c.mean[i] * (sign * total + half * along) - half * flux);
             s.excess[n[i]] += t.volume * p.excess[i];
         }
-        if level == Level::New {
-            continue;
-        }
-        let g = tangent(nodes, w);
-        let column: [f64; 4] = std::array::from_fn(|j| g[0][j] + g[1][j] + g[2][j] + g[3][j]);
-        for i in (0..4).filter(|&i| n[i] < n_owned) {
-            let scale = t.volume * phase.inverse_lumped[n[i]];
-            for j in 0..4 {
-                let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
-                let along = c.mean[j] * (p.slope / nodes[j].q - w);
-                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] += scale
-                    * (g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along));
-            }
-        }
     }
     for face in &part.mesh.boundary {
         let w = f64::from(s.weight[face.element as usize]);
@@ -135,6 +121,36 @@ pub(super) fn add_profile(
         for (&i, f) in face.nodes.iter().zip(flux) {
             if (i as usize) < n_owned {
                 out[i as usize] += half * f;
+            }
+        }
+    }
+}
+
+/// Adds the derivative of the profile's part at the new level, at `phase.profile`, to the matrix.
+pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
+    let n_owned = part.n_owned();
+    let half = 0.5 * given.dt;
+    let s = &mut phase.solver;
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let w = f64::from(s.weight[e]);
+        if w == 0.0 {
+            continue;
+        }
+        let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
+        let n = tet.map(|n| n as usize);
+        let t = Tetrahedron::of(&part.mesh, e);
+        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], given.dt);
+        let p = tangent(nodes, w);
+        let g = p.excess;
+        let along: f64 = (0..4).map(|j| c.mean[j] * nodes[j].s).sum();
+        let column: [f64; 4] = std::array::from_fn(|j| g[0][j] + g[1][j] + g[2][j] + g[3][j]);
+        for i in (0..4).filter(|&i| n[i] < n_owned) {
+            let scale = t.volume * phase.inverse_lumped[n[i]];
+            for j in 0..4 {
+                let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
+                let along = c.mean[j] * (p.slope * nodes[j].ds() - w) + along * p.curvature[j];
+                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] += scale
+                    * (g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along));
             }
         }
     }

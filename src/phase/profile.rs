@@ -71,6 +71,14 @@ fn powers_of(s: f64) -> [f64; 4] {
     [-a, 4.0 * a - 1.0, -b, 4.0 * b - 1.0].map(|e| (e * s).exp())
 }
 
+impl Node {
+    /// d(ψ/δ)/dφ; 0 where ψ is clipped.
+    #[inline]
+    pub fn ds(&self) -> f64 {
+        if self.s.abs() < CLIP { 1.0 / self.q } else { 0.0 }
+    }
+}
+
 /// φ at the nodes, prepared for the element loops.
 #[derive(Clone, Debug, Default)]
 pub struct Profile {
@@ -151,26 +159,43 @@ pub fn moments(n: [&Node; 4], w: f64) -> Moments {
     Moments { excess, slope: w * slope, w }
 }
 
-/// `∂(∫ N_i (φ* − φ_h))/∂φ_j` over the unit volume at fixed w.
+/// Derivatives of [`Moments`] by the nodal values.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tangent {
+    /// ∂excess_i/∂φ_j.
+    pub excess: [[f64; 4]; 4],
+    /// The slope itself.
+    pub slope: f64,
+    /// ∂slope/∂φ_j.
+    pub curvature: [f64; 4],
+}
+
+/// At fixed w.
 #[inline]
-pub fn tangent(n: [&Node; 4], w: f64) -> [[f64; 4]; 4] {
-    let mut t = [[0.0; 4]; 4];
+pub fn tangent(n: [&Node; 4], w: f64) -> Tangent {
+    let mut t = Tangent::default();
     for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
         let sigma = sigma(n, o);
         let slope = sigma.map(|sigma| weight * sigma * (1.0 - sigma));
-        let all = b * b * (slope[0] + slope[1] + (slope[2] + slope[3]));
+        let curvature: [f64; 4] = std::array::from_fn(|k| slope[k] * (1.0 - 2.0 * sigma[k]));
+        let sum = slope[0] + slope[1] + (slope[2] + slope[3]);
+        let bent = curvature[0] + curvature[1] + (curvature[2] + curvature[3]);
+        t.slope += w * sum;
         let c = 1.0 - 4.0 * b;
         for i in 0..4 {
+            t.curvature[i] += b * bent + c * curvature[i];
             for j in 0..4 {
-                t[i][j] += all + b * c * (slope[i] + slope[j]);
+                t.excess[i][j] += b * b * sum + b * c * (slope[i] + slope[j]);
             }
-            t[i][i] += c * c * slope[i];
+            t.excess[i][i] += c * c * slope[i];
         }
     }
     for j in 0..4 {
-        for (i, row) in t.iter_mut().enumerate() {
+        let ds = n[j].ds();
+        t.curvature[j] *= w * ds;
+        for i in 0..4 {
             let chord = if i == j { 0.1 } else { 0.05 };
-            row[j] = w * (row[j] / n[j].q - chord);
+            t.excess[i][j] = w * (t.excess[i][j] * ds - chord);
         }
     }
     t
@@ -223,6 +248,30 @@ mod tests {
             }
             let exact = reference(|l| at(l) * (1.0 - at(l)));
             assert!((m.slope - exact).abs() < 2e-4 * exact, "{} {exact}", m.slope);
+        }
+    }
+
+    #[test]
+    fn the_tangent_is_the_derivative_of_the_moments() {
+        let phi = [0.2, 0.45, 0.6, 0.31];
+        let at = |phi: [f64; 4]| {
+            let mut profile = Profile::default();
+            profile.set(&phi, true);
+            let nodes = std::array::from_fn(|i| &profile.nodes[i]);
+            (moments(nodes, 0.7), tangent(nodes, 0.7))
+        };
+        let (m, t) = at(phi);
+        assert!((t.slope - m.slope).abs() < 1e-15);
+        for j in 0..4 {
+            let shifted =
+                |by: f64| at(std::array::from_fn(|i| phi[i] + if i == j { by } else { 0.0 })).0;
+            let (plus, minus) = (shifted(1e-5), shifted(-1e-5));
+            let difference = (plus.slope - minus.slope) / 2e-5;
+            assert!((t.curvature[j] - difference).abs() < 1e-9, "{t:?} {difference}");
+            for i in 0..4 {
+                let difference = (plus.excess[i] - minus.excess[i]) / 2e-5;
+                assert!((t.excess[i][j] - difference).abs() < 1e-9, "{t:?} {difference}");
+            }
         }
     }
 

@@ -19,16 +19,16 @@
 //! ũ, but keep constants only where ũ is divergence-free in that same weak sense: with u_h alone it
 //! makes ripples in still depths of water and air.
 //!
-//! φ* is nonlinear in φ: corrector passes solve `A δφ = −residual`, A with the tangent of φ* at the old
-//! level (a Newton method that keeps its first matrix); w keeps its old value over the step. What is left of the residual when they stop, and what the regularisation (which conserves ∫φ_h) does to
+//! φ* is nonlinear in φ: passes of Newton's method, with w kept at its old value over the step. What is
+//! left of the residual when they stop, and what the regularisation (which conserves ∫φ_h) does to
 //! ∫(φ*−φ_h), is not lost: `excess_i`, what the scheme *owes* node i beyond ∫N_i φ_h, enters the next step in
 //! place of ∫N_i(φ*−φ_h). `Σ_i (∫N_i φ_h + excess_i)` therefore changes by the boundary flux alone, to
 //! round-off, whatever the tolerances; the integral ∫φ* follows it one step behind.
 
 use super::boundary::face_flux;
-use super::convection::{Level, add_profile, assemble};
+use super::convection::{Level, add_profile, add_tangent, assemble};
 use super::plain;
-use super::profile::profile_weight;
+use super::profile::{OUTER, profile_weight};
 use super::{Form, Phase};
 use crate::linear::block_csr::ElementSlots;
 use crate::linear::relaxation::SymmetricGaussSeidel;
@@ -38,12 +38,10 @@ use crate::linear::{
 };
 use crate::mesh::MeshPart;
 
-/// Passes allowed for the nonlinear terms; each gains a factor of 10 to 100.
-const PASSES: u32 = 12;
-/// A pass that leaves more than this part of the residual is the last.
-const STALLED: f64 = 0.7;
-/// How far the linear solve of one pass reduces the residual it is given.
-const PASS_TOLERANCE: f64 = 1e-2;
+/// Passes allowed for the nonlinear terms.
+const PASSES: u32 = 25;
+/// Growth of the residual from which the tangent is not trusted. At the clip of ψ it stays for a pass or two.
+const GROWTH: f64 = 2.0;
 /// Change of φ per step that counts as none (root of the sum of squares over nodes).
 const FLOOR: f64 = 1e-14;
 
@@ -93,6 +91,7 @@ pub(super) struct Solver {
     /// ∫N_i(φ*−φ_h) of the profile last evaluated [m³].
     pub excess: Vec<f64>,
     change: Vec<f64>,
+    last: Vec<f64>,
     difference: Vec<f64>,
     product: Vec<f64>,
 }
@@ -113,6 +112,7 @@ impl Solver {
             residual: zeros.clone(),
             excess: zeros.clone(),
             change: zeros.clone(),
+            last: zeros.clone(),
             difference: zeros.clone(),
             product: zeros,
         }
@@ -149,30 +149,19 @@ pub(super) fn step(
         phase.phi[i as usize] = phi;
     }
     part.exchange.update_ghosts(&mut phase.phi);
-    fix_rows(phase, n_owned, given.inflow);
 
     let mut report = Transport { speed: given.speed, ..Transport::default() };
-    let (mut target, mut with_chord, mut last) = (FLOOR, !nonlinear, false);
+    let (mut target, mut newton, mut last) = (FLOOR, phase.profile_correction, false);
     loop {
         residual(phase, part, given);
         let s = &mut phase.solver;
         let product = OwnedProduct::plain::<1>(&s.halo);
         let size = product.dot(&s.residual, &s.residual).sqrt();
-        if report.passes > 0 && nonlinear && !last && size > STALLED * report.residual {
-            last = with_chord;
-            if size > report.residual {
-                // Here φ* does not behave as its tangent says: back, and on without it.
-                for i in 0..n_owned {
-                    phase.phi[i] -= s.change[i];
-                }
-                part.exchange.update_ghosts(&mut phase.phi);
-                if !with_chord {
-                    with_chord = true;
-                    s.matrix.values.clone_from(&s.chord);
-                    fix_rows(phase, n_owned, given.inflow);
-                }
-                continue;
-            }
+        if report.passes > 0 && nonlinear && !last && size > GROWTH * report.residual {
+            // Here φ* does not behave as its tangent says: back, and on with that of φ_h.
+            (last, newton) = (!newton, false);
+            phase.phi.copy_from_slice(&s.last);
+            continue;
         }
         report.residual = size;
         if report.passes == 0 {
@@ -183,8 +172,11 @@ pub(super) fn step(
         if last || size <= target || report.passes == if nonlinear { PASSES } else { 1 } {
             break;
         }
+        set_matrix(phase, part, given, newton);
+        let s = &mut phase.solver;
+        let product = OwnedProduct::plain::<1>(&s.halo);
         let settings = KrylovSettings {
-            relative: if nonlinear { PASS_TOLERANCE } else { 0.0 },
+            relative: 0.0,
             absolute: target,
             max_iterations: phase.max_iterations,
             restart: 15,
@@ -193,6 +185,7 @@ pub(super) fn step(
             *r = -*r;
         }
         s.change.fill(0.0);
+        s.last.copy_from_slice(&phase.phi);
         let solved = fgmres(
             &DistributedOperator::new(&s.matrix, &s.halo),
             &mut s.smoother,
@@ -205,7 +198,7 @@ pub(super) fn step(
         report.iterations += solved.iterations;
         report.passes += 1;
         for i in 0..n_owned {
-            phase.phi[i] += s.change[i];
+            phase.phi[i] = bounded(phase.phi[i], s.change[i], phase.before[i]);
         }
         part.exchange.update_ghosts(&mut phase.phi);
     }
@@ -217,6 +210,18 @@ pub(super) fn step(
     }
     book_inflow(phase, part, given);
     Ok(report)
+}
+
+/// φ + δφ, but inside (0, 1) where the old φ had a profile: there φ is a function of ψ.
+#[inline]
+fn bounded(phi: f64, change: f64, old: f64) -> f64 {
+    if old * (1.0 - old) <= OUTER || phi <= 0.0 || phi >= 1.0 {
+        phi + change
+    } else if change < 0.0 {
+        phi * (change / phi).exp()
+    } else {
+        1.0 - (1.0 - phi) * (-change / (1.0 - phi)).exp()
+    }
 }
 
 /// Residual at `phase.phi`, rows divided by the lumped mass: a change of φ. Zero where φ is given.
@@ -264,10 +269,15 @@ fn add_plain(phase: &Phase, part: &MeshPart, given: &Given<'_>, out: &mut [f64])
     }
 }
 
-/// Rows of given φ become φ_i = given; the preconditioner follows the matrix.
-fn fix_rows(phase: &mut Phase, n_owned: usize, inflow: &[(u32, f64)]) {
+/// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ become
+/// φ_i = given. The preconditioner follows.
+fn set_matrix(phase: &mut Phase, part: &MeshPart, given: &Given<'_>, newton: bool) {
+    phase.solver.matrix.values.clone_from(&phase.solver.chord);
+    if newton {
+        add_tangent(phase, part, given);
+    }
     let Solver { matrix, smoother, .. } = &mut phase.solver;
-    for i in inflow.iter().map(|&(i, _)| i as usize).filter(|&i| i < n_owned) {
+    for i in given.inflow.iter().map(|&(i, _)| i as usize).filter(|&i| i < part.n_owned()) {
         for at in matrix.row(i) {
             matrix.values[at] = [[0.0]];
         }

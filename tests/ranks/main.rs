@@ -9,6 +9,8 @@ mod communication;
 mod gauges;
 mod linear;
 mod parts;
+mod phase;
+mod simulation;
 
 use partition::Communicator;
 use std::io::Read;
@@ -37,6 +39,10 @@ const BODIES: &[(&str, Body)] = &[
     ("multigrid_on_ranks", linear::multigrid_on_ranks),
     ("flow_system_on_ranks", linear::flow_system_on_ranks),
     ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
+    ("free_surface_on_ranks", phase::free_surface_on_ranks),
+    ("same_fields_on_any_ranks", simulation::same_fields_on_any_ranks),
+    ("same_fields_in_a_closed_tank", simulation::same_fields_in_a_closed_tank),
+    ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 
