@@ -33,21 +33,21 @@ fn fields(run: &Simulation) -> Vec<[f64; 5]> {
     (0..run.part.n_owned()).map(node).collect()
 }
 
-/// The state after so many steps, and the iterations of flow and phase in each.
-fn run(case: Case, comm: &Communicator, steps: usize) -> (Simulation, Vec<[u32; 2]>) {
+/// The state after so many steps, and the iterations of the flow in each.
+fn run(case: Case, comm: &Communicator, steps: usize) -> (Simulation, Vec<u32>) {
     let mut run = Simulation::new(case, comm).unwrap();
     let dt = run.case.time.step.unwrap();
     let mut iterations = Vec::new();
     for _ in 0..steps {
         let report = run.step(dt).unwrap();
-        iterations.push([report.flow.iterations, report.phase_iterations]);
+        iterations.push(report.flow.iterations);
     }
     (run, iterations)
 }
 
 /// Largest differences of u, p and φ between this run and the same on one rank, relative to the
-/// largest value, and of the iterations of flow and phase in a step.
-fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], [u32; 2]) {
+/// largest value, and of the iterations of the flow in each step.
+fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], Vec<u32>) {
     let (mine, iterations) = run(case.clone(), comm, steps);
     // The first rank alone computes the whole, for all to compare with.
     let (mut whole, mut whole_iterations) = (Vec::new(), Vec::new());
@@ -60,7 +60,7 @@ fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], [u3
         whole_iterations = iterations;
     }
     let whole = comm.broadcast(0, whole.into_flattened());
-    let whole_iterations = comm.broadcast(0, whole_iterations.into_flattened());
+    let whole_iterations = comm.broadcast(0, whole_iterations);
     let (whole, _) = whole.as_chunks::<5>();
 
     // Velocity components count together.
@@ -74,13 +74,12 @@ fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], [u3
         }
     }
     let relative = std::array::from_fn(|a| comm.max(difference[a]) / comm.max(largest[a]));
-    let mut apart = [0; 2];
-    for (mine, whole) in iterations.as_flattened().chunks(2).zip(whole_iterations.chunks(2)) {
-        apart = std::array::from_fn(|k| mine[k].abs_diff(whole[k]).max(apart[k]));
-    }
+    let apart: Vec<u32> =
+        iterations.iter().zip(&whole_iterations).map(|(a, b)| a.abs_diff(*b)).collect();
     if comm.rank() == 0 {
-        let last = &whole_iterations[whole_iterations.len() - 2..];
-        println!("  u, p, φ apart by {relative:?}, iterations by {apart:?} of {last:?}");
+        println!(
+            "  u, p, φ apart by {relative:?}, iterations by {apart:?} of {whole_iterations:?}"
+        );
     }
     (relative, apart)
 }
@@ -102,10 +101,12 @@ pub fn same_fields_in_a_closed_tank(comm: &Communicator) {
     same_fields(comm, "", 10);
 }
 
-/// The ranks cost hardly any iterations, with the tolerances that runs have.
+/// The ranks cost hardly any iterations, with the tolerances that runs have. The two starting steps
+/// are solved to 1e-11: there a tenth is as little.
 pub fn same_iterations_on_any_ranks(comm: &Communicator) {
     for top in ["z_max = \"open\"", ""] {
         let (_, apart) = differences(comm, &case(top, ""), 30);
-        assert!(apart[0] <= 2, "iterations of the flow apart by {}", apart[0]);
+        let (start, run) = apart.split_at(2);
+        assert!(start.iter().all(|&n| n <= 3) && run.iter().all(|&n| n <= 2), "{apart:?}");
     }
 }
