@@ -11,6 +11,7 @@ from program import ROOT, Work
 # Each group registers its checks when it is imported.
 import dam_break  # noqa: F401
 import flow  # noqa: F401
+import solver  # noqa: F401
 import surface  # noqa: F401
 
 COLUMNS = ("case", "quantity", "reference", "measured", "tolerance", "verdict", "source")

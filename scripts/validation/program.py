@@ -2,6 +2,7 @@
 
 import copy
 import csv
+import json
 import os
 import shutil
 import subprocess
@@ -85,6 +86,11 @@ class Run:
     def gauges(self):
         """Columns of gauges.csv by name, units left out."""
         return columns(self.folder / "gauges.csv")
+
+    @property
+    def summary(self):
+        """summary.json."""
+        return json.loads((self.folder / "summary.json").read_text())
 
     def fields(self):
         """fields.vtkhdf."""

@@ -1,4 +1,5 @@
-//! Where fluid may come in, and which: φ at the nodes of boundaries with a given velocity or pressure.
+//! Where fluid may come in, and which: φ at the nodes of boundaries with a given velocity or pressure, and of
+//! all boundaries where the case prescribes the velocity everywhere.
 
 use crate::case::{Boundary, Case, Formula};
 use crate::fem::{dot, norm, triangle_normal};
@@ -31,7 +32,10 @@ impl Inflow {
                     water.push(w.clone());
                     Some(water.len() as u32 - 1)
                 }
-                Boundary::NoSlip | Boundary::Slip => None,
+                Boundary::NoSlip | Boundary::Slip => case.prescribed_velocity.as_ref().map(|_| {
+                    water.push(None);
+                    water.len() as u32 - 1
+                }),
             })
             .collect();
         // The lowest boundary wins where two meet: the same on every rank.

@@ -1,0 +1,107 @@
+//! A run that is stopped and goes on from a checkpoint equals the uninterrupted one: bit for bit on as many
+//! ranks, to solver tolerance on others.
+
+use io::checkpoint::{Checkpoint, find};
+use partition::Communicator;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// A column falls and hits the far wall; the time step follows the flow.
+const CASE: &str = r#"
+[mesh]
+box = { x = [0, 1], y = [0, 0.3], z = [0, 0.5], cells = [20, 6, 10] }
+jitter = 0.1
+
+[boundaries]
+default = "slip"
+z_max = "open"
+
+[initial]
+water = "x < 0.35 && z < 0.31 + 0.1*y"
+
+[air]
+
+[time]
+end = 0.2
+max_cfl = 0.8
+
+[solver]
+tolerance = 1e-10
+phase_tolerance = 1e-12
+
+[output]
+checkpoint_every = 0.1
+"#;
+
+fn run(folder: &Path, ranks: usize, restart: Option<&Path>) {
+    let mut command = Command::new("mpirun");
+    command.args(["-n", &ranks.to_string(), env!("CARGO_BIN_EXE_fcm-fsi"), "--quiet"]);
+    command.arg(folder.parent().unwrap().join("case.toml")).arg("--out").arg(folder);
+    if let Some(path) = restart {
+        command.arg("--restart").arg(path);
+    }
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    command.env("OMPI_MCA_rmaps_base_oversubscribe", "1").env("OMPI_MCA_mpi_yield_when_idle", "1");
+    let done = command.output().expect("mpirun starts");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+}
+
+/// Everything in the last checkpoint of a folder: name, values.
+fn state(folder: &Path) -> Vec<(String, Vec<f64>)> {
+    let path = find(folder).expect("a checkpoint");
+    let saved = Checkpoint::open(&Communicator::single(), &path).unwrap();
+    let mut state = vec![("time".to_string(), vec![saved.time(), saved.step() as f64])];
+    state.extend(saved.scalars().iter().map(|(name, v)| (name.clone(), vec![*v])));
+    let groups = [
+        ("nodes", vec![("u", 3), ("u_old", 3), ("p", 1), ("phi", 1), ("phase_excess", 1)]),
+        ("elements", vec![("fine_scale", 3)]),
+    ];
+    for (group, arrays) in groups {
+        let ids: Vec<u64> = (0..saved.count(group).unwrap()).collect();
+        for (name, components) in arrays {
+            let values = saved.read_f64(group, name, components, &ids).unwrap();
+            state.push((name.to_string(), values));
+        }
+    }
+    state
+}
+
+#[test]
+fn a_restarted_run_equals_the_uninterrupted_one() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("restart");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("case.toml"), CASE).unwrap();
+    let whole = folder.join("whole");
+    run(&whole, 2, None);
+    let first = std::fs::read_dir(&whole)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with("checkpoint-"))
+        .min()
+        .expect("a checkpoint half-way");
+    let expected = state(&whole);
+    for ranks in [2, 1, 3, 4] {
+        let again = folder.join(format!("on_{ranks}"));
+        run(&again, ranks, Some(&first));
+        let got = state(&again);
+        assert_eq!(got.len(), expected.len());
+        let last = |folder: &Path| {
+            let text = std::fs::read_to_string(folder.join("history.csv")).unwrap();
+            text.lines().last().unwrap().to_string()
+        };
+        if ranks == 2 {
+            assert_eq!(last(&again), last(&whole));
+        }
+        for ((name, a), (_, b)) in got.iter().zip(&expected) {
+            let largest = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            let apart = a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            if ranks == 2 {
+                assert!(a == b, "{name} on {ranks} ranks: apart by {apart:e} of {largest:e}");
+            } else {
+                println!("{name} on {ranks} ranks: apart by {apart:e} of {largest:e}");
+                assert!(apart <= 1e-6 * largest, "{name} on {ranks} ranks: {apart:e} of {largest:e}");
+            }
+        }
+    }
+}
