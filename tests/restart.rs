@@ -100,7 +100,10 @@ fn a_restarted_run_equals_the_uninterrupted_one() {
                 assert!(a == b, "{name} on {ranks} ranks: apart by {apart:e} of {largest:e}");
             } else {
                 println!("{name} on {ranks} ranks: apart by {apart:e} of {largest:e}");
-                assert!(apart <= 1e-6 * largest, "{name} on {ranks} ranks: {apart:e} of {largest:e}");
+                assert!(
+                    apart <= 1e-6 * largest,
+                    "{name} on {ranks} ranks: {apart:e} of {largest:e}"
+                );
             }
         }
     }
