@@ -14,6 +14,7 @@
 //! - [`simulation`]: state, one step, the run, restart.
 //! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
 //! - [`fem`], [`mesh`], [`linear`]: what they stand on.
+//! - [`shape`]: closed solids and where they stand.
 //! - [`report`]: gauges, files, progress, the summary.
 //!
 //! What stays true: kernels know nothing of ranks; matrix rows belong to the owner of the node and are
@@ -29,4 +30,5 @@ pub mod mesh;
 pub mod phase;
 pub mod report;
 pub mod setup;
+pub mod shape;
 pub mod simulation;

@@ -23,6 +23,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("mesh", &["case"], &["partition"]),
     ("linear", &[], &["partition"]),
     ("case", &[], &["io"]),
+    ("shape", &[], &[]),
     ("lib", &[], &[]),
 ];
 

@@ -1,11 +1,12 @@
-//! Files: Gmsh meshes, VTKHDF fields, checkpoints, gauges and histories. `hdf5` is a dependency of
-//! this crate alone.
+//! Files: Gmsh meshes, STL and OBJ surfaces, VTKHDF fields, checkpoints, gauges and histories.
+//! `hdf5` is a dependency of this crate alone.
 
 mod blocks;
 pub mod checkpoint;
 pub mod error;
 pub mod gmsh;
 mod shared_file;
+pub mod surface;
 pub mod table;
 pub mod vtkhdf;
 
