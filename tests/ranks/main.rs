@@ -9,6 +9,7 @@ mod communication;
 mod gauges;
 mod linear;
 mod parts;
+mod viscous;
 
 use partition::Communicator;
 use std::io::Read;
@@ -36,6 +37,7 @@ const BODIES: &[(&str, Body)] = &[
     ("operator_and_product", linear::operator_and_product),
     ("multigrid_on_ranks", linear::multigrid_on_ranks),
     ("flow_system_on_ranks", linear::flow_system_on_ranks),
+    ("viscous_flow_on_ranks", viscous::viscous_flow_on_ranks),
     ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
