@@ -115,8 +115,8 @@ fn flow(comm: &Communicator, n: usize, courant: f64, open: bool) {
     residual_weights(&system, &L, &mut weights);
     let product = OwnedProduct::weighted::<4>(&halo, &weights);
     let mut schur = SchurPreconditioner::new(&halo);
-    schur.setup(&system, &L);
-    let setup = timed(comm, || schur.setup(&system, &L));
+    schur.setup(&system, &L, None);
+    let setup = timed(comm, || schur.setup(&system, &L, None));
     let b = problem.right_hand_side(&part);
     let mut z = vec![0.0; b.len()];
     let apply = timed(comm, || schur.apply(&b, &mut z));

@@ -253,7 +253,7 @@ fn solve_flow(problem: &Oseen, part: &MeshPart, relative: f64) -> (Converged, Ve
     residual_weights(&system, &L, &mut weights);
     let product = OwnedProduct::weighted::<4>(&halo, &weights);
     let mut schur = SchurPreconditioner::new(&halo);
-    schur.setup(&system, &L);
+    schur.setup(&system, &L, None);
     let settings = KrylovSettings { relative, ..KrylovSettings::default() };
     let mut x = vec![0.0; b.len()];
     let A = DistributedOperator::new(&system, &halo);

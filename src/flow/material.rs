@@ -82,6 +82,12 @@ impl Material {
         self.gas.density + (self.liquid.density - self.gas.density) * self.phi[i]
     }
 
+    /// The larger of the fluids' kinematic viscosities [m²/s].
+    pub fn kinematic_viscosity(&self) -> f64 {
+        let nu = |fluid: Fluid| fluid.viscosity / fluid.density;
+        nu(self.liquid).max(nu(self.gas))
+    }
+
     /// Mean density of the edge i-j [kg/m³].
     #[inline]
     fn edge_density(&self, i: usize, j: usize) -> f64 {

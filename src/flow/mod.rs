@@ -5,6 +5,7 @@
 //! - `material`: densities, viscosities and the gravity force of an element.
 //! - `weak_form`: what one element adds to the linear system of a step.
 //! - `open_boundary`: what a face with given pressure adds.
+//! - `viscous`: what the preconditioner needs where viscosity rules.
 //! - `step`: state, assembly, solve, fine-scale velocity.
 //!
 //! May name `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
@@ -14,6 +15,7 @@ pub mod material;
 pub mod open_boundary;
 pub mod stabilisation;
 pub mod step;
+mod viscous;
 pub mod weak_form;
 
 pub use material::Material;

@@ -4,6 +4,7 @@
 
 use super::material::Material;
 use super::open_boundary::OpenFace;
+use super::viscous;
 use super::weak_form::Element;
 use crate::case::{Boundary, Case, Formula};
 use crate::fem::constraints::{Constraints, FREE};
@@ -18,8 +19,10 @@ use std::time::{Duration, Instant};
 
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
-/// Tolerance of those first steps, which start from no pressure at all.
-const START_TOLERANCE: f64 = 1e-11;
+/// Tolerance of those first steps, which start from no pressure at all: with a free surface so tight
+/// that still water starts still.
+const START_TOLERANCE: f64 = 1e-6;
+const START_TOLERANCE_FREE_SURFACE: f64 = 1e-11;
 /// A residual this small beside the right-hand side is rounding.
 const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
@@ -43,10 +46,14 @@ pub struct Flow {
     pub constraints: Constraints,
     /// Residual to reach in a step, relative to that of the previous step's solution.
     pub tolerance: f64,
+    /// The same for the first steps, at most.
+    start_tolerance: f64,
     max_iterations: u32,
     picard: u32,
     body_force: Option<[Formula; 3]>,
     open_faces: Vec<(u32, [u32; 3])>,
+    /// Size of the smallest element on any rank [m].
+    smallest: f64,
     matrix: BlockCsr<4>,
     pressure: BlockCsr<1>,
     slots: ElementSlots,
@@ -110,6 +117,9 @@ impl Flow {
             })
             .map(|f| (f.element, f.nodes))
             .collect();
+        let owned = 0..part.n_owned_elements;
+        let sizes = owned.map(|e| Tetrahedron::of(&part.mesh, e).size());
+        let smallest = part.comm.min(sizes.fold(f64::INFINITY, f64::min));
         let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix);
         let preconditioner = SchurPreconditioner::new(&halo);
         Self {
@@ -121,10 +131,15 @@ impl Flow {
             steps: 0,
             constraints,
             tolerance: case.solver.tolerance,
+            start_tolerance: match case.gas {
+                Some(_) => START_TOLERANCE_FREE_SURFACE,
+                None => START_TOLERANCE,
+            },
             max_iterations: case.solver.max_iterations,
             picard: case.flow.iterations.max(1),
             body_force: case.body_force.clone(),
             open_faces,
+            smallest,
             rhs: vec![[0.0; 4]; n],
             x: vec![[0.0; 4]; n],
             a: vec![[0.0; 3]; n],
@@ -176,6 +191,11 @@ impl Flow {
             self.constrain();
             report.assembly += clock.elapsed();
             let clock = Instant::now();
+            let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
+                let Self { constraints, pressure, slots, .. } = &*self;
+                viscous::operators(part, material, constraints, pressure, slots, dt, theta)
+            });
+            self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
             let solved = self.solve(starting)?;
             report.solve += clock.elapsed();
             report.iterations += solved.iterations;
@@ -378,13 +398,16 @@ impl Flow {
     /// Residuals are measured as power: |r_u|²/a + r_p²/l, with the diagonals of the momentum rows
     /// and of the pressure operator.
     fn solve(&mut self, starting: bool) -> Result<Converged, Diverged> {
-        self.preconditioner.setup(&self.matrix, &self.pressure);
         residual_weights(&self.matrix, &self.pressure, &mut self.weights);
         let product = OwnedProduct::weighted::<4>(&self.halo, &self.weights);
         let rhs = self.rhs.as_flattened();
 
         let settings = KrylovSettings {
-            relative: if starting { self.tolerance.min(START_TOLERANCE) } else { self.tolerance },
+            relative: if starting {
+                self.tolerance.min(self.start_tolerance)
+            } else {
+                self.tolerance
+            },
             absolute: FLOOR * product.dot(rhs, rhs).sqrt(),
             max_iterations: self.max_iterations,
             restart: RESTART,

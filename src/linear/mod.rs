@@ -2,7 +2,7 @@
 //!
 //! `operator` what a method needs to know · `krylov` FGMRES and CG · `block_csr` the matrix ·
 //! `relaxation` one-level preconditioners · `multigrid` for scalar diffusion ·
-//! `schur` for the coupled flow system · `distributed` the only file that meets the ranks.
+//! `schur` for the coupled flow system, `viscous` its part where viscosity rules · `distributed` the only file that meets the ranks.
 
 pub mod block_csr;
 pub mod distributed;
@@ -11,6 +11,7 @@ pub mod multigrid;
 pub mod operator;
 pub mod relaxation;
 pub mod schur;
+pub mod viscous;
 
 pub use block_csr::BlockCsr;
 pub use distributed::{DistributedOperator, Halo, OwnedProduct};
@@ -18,3 +19,4 @@ pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgm
 pub use multigrid::{Multigrid, MultigridSettings};
 pub use operator::{Identity, InnerProduct, Operator, Preconditioner};
 pub use schur::{SchurPreconditioner, residual_weights};
+pub use viscous::ViscousOperators;

@@ -4,7 +4,7 @@
 //! `S = C − D A⁻¹ G ≈ L = ∫ ((Δt_eff + τ)/ρ) ∇q·∇p`, `1/Δt_eff = 1/Δt + 2θ|u|/h` (Elman, Silvester
 //! & Wathen 2014, ch. 9, in the algebraic pressure-projection form). One application is one
 //! projection step. Velocity gets one forward and one backward half sweep of 3×3 blocks within the
-//! rank; ghosts are exchanged between them.
+//! rank; ghosts are exchanged between them. Where viscosity rules, that is not enough: see `viscous`.
 //!
 //! Everything is stored in f32, split so that each half sweep streams what it needs: the forward one
 //! `[A G]` left of the diagonal and `G` right of it, the backward one `A` right of the diagonal.
@@ -15,6 +15,7 @@ use super::block_csr::BlockCsr;
 use super::distributed::Halo;
 use super::multigrid::Multigrid;
 use super::operator::Preconditioner;
+use super::viscous::{ViscousCorrection, ViscousOperators};
 
 /// The preconditioner; unknowns of a node are (u, v, w, p).
 ///
@@ -35,6 +36,10 @@ pub struct SchurPreconditioner {
     right_blocks: Vec<f32>,
     nodes: Vec<Own>,
     z: Vec<[f32; 4]>,
+    viscous: Option<ViscousCorrection>,
+    /// Changes of the backward half sweep, and what they leave of the right-hand side.
+    change: Vec<[f32; 4]>,
+    left_over: Vec<[f32; 4]>,
 }
 
 /// What a row has on its diagonal.
@@ -74,14 +79,23 @@ impl SchurPreconditioner {
             right_blocks: Vec::new(),
             nodes: Vec::new(),
             z: vec![[0.0; 4]; halo.n_local()],
+            viscous: None,
+            change: Vec::new(),
+            left_over: Vec::new(),
         }
     }
 
     /// Takes this step's system `a` and pressure operator `l`, of the same pattern. Diagonal blocks
     /// of A are regular; a node with constrained velocity or pressure has identity-like rows and
-    /// columns, in `l` too. Nothing is kept from earlier calls but memory.
-    pub fn setup(&mut self, a: &BlockCsr<4>, l: &BlockCsr<1>) {
+    /// columns, in `l` too. `viscous` if viscosity rules, on all ranks or on none. Nothing is kept
+    /// from earlier calls but memory.
+    pub fn setup(&mut self, a: &BlockCsr<4>, l: &BlockCsr<1>, viscous: Option<&ViscousOperators>) {
         self.multigrid.setup(l);
+        self.viscous = viscous.map(|operators| {
+            let mut correction = ViscousCorrection::new(&self.halo);
+            correction.setup(operators);
+            correction
+        });
         if self.pattern[0] != a.row_start || self.pattern[1] != a.columns {
             self.pattern = [a.row_start.clone(), a.columns.clone()];
             let side = |is_in: fn(usize, usize) -> bool| {
@@ -162,6 +176,38 @@ impl SchurPreconditioner {
     }
 }
 
+impl SchurPreconditioner {
+    /// What is left of the momentum rows after the backward half sweep, when each row held with the
+    /// columns before it and the ghosts as they were then. Ghosts of `change` are valid.
+    fn find_left_over(&mut self) {
+        let n = self.nodes.len();
+        self.left_over.resize(n, [0.0; 4]);
+        for (i, left_over) in self.left_over.iter_mut().enumerate() {
+            let mut sum = [[0.0; 4]; 4];
+            for e in self.left.row(i) {
+                let x = &self.change[self.left.columns[e] as usize];
+                add_columns(&mut sum, &self.left_blocks[12 * e..], x);
+            }
+            for e in self.right.row(i).filter(|&e| self.right.columns[e] as usize >= n) {
+                let x = &self.change[self.right.columns[e] as usize];
+                add_columns(&mut sum[..3], &self.right_blocks[9 * e..], &x[..3]);
+            }
+            *left_over = std::array::from_fn(|a| -((sum[0][a] + sum[1][a]) + sum[2][a]));
+        }
+    }
+
+    fn correct_viscous(&mut self) {
+        for (change, z) in self.change.iter_mut().zip(&self.z) {
+            *change = std::array::from_fn(|a| z[a] - change[a]);
+        }
+        self.halo.update_ghosts(&mut self.change);
+        self.find_left_over();
+        if let Some(viscous) = &mut self.viscous {
+            viscous.add_velocity(&self.left_over, &mut self.z);
+        }
+    }
+}
+
 impl Preconditioner for SchurPreconditioner {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         let (r, _) = r.as_chunks::<4>();
@@ -171,10 +217,19 @@ impl Preconditioner for SchurPreconditioner {
         for (z, p) in self.z.iter_mut().zip(self.multigrid.cycle()) {
             *z = [0.0, 0.0, 0.0, *p];
         }
+        if let Some(viscous) = &self.viscous {
+            viscous.add_pressure(r, &mut self.z);
+        }
         self.halo.update_ghosts(&mut self.z);
         self.forward(r);
         self.halo.update_ghosts(&mut self.z);
+        if self.viscous.is_some() {
+            self.change.clone_from(&self.z);
+        }
         self.backward();
+        if self.viscous.is_some() {
+            self.correct_viscous();
+        }
         for (z, x) in z.iter_mut().zip(self.z.as_flattened()) {
             *z = f64::from(*x);
         }

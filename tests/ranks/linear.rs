@@ -132,7 +132,7 @@ pub fn flow_system_on_ranks(comm: &Communicator) {
             residual_weights(&system, &L, &mut weights);
             let product = OwnedProduct::weighted::<4>(&halo, &weights);
             let mut schur = SchurPreconditioner::new(&halo);
-            schur.setup(&system, &L);
+            schur.setup(&system, &L, None);
             let A = DistributedOperator::new(&system, &halo);
             let mut work = Workspace::default();
             let mut solve = |relative| {

@@ -11,6 +11,7 @@ mod linear;
 mod parts;
 mod phase;
 mod simulation;
+mod viscous;
 
 use partition::Communicator;
 use std::io::Read;
@@ -38,6 +39,7 @@ const BODIES: &[(&str, Body)] = &[
     ("operator_and_product", linear::operator_and_product),
     ("multigrid_on_ranks", linear::multigrid_on_ranks),
     ("flow_system_on_ranks", linear::flow_system_on_ranks),
+    ("viscous_flow_on_ranks", viscous::viscous_flow_on_ranks),
     ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
     ("free_surface_on_ranks", phase::free_surface_on_ranks),
     ("same_fields_on_any_ranks", simulation::same_fields_on_any_ranks),
