@@ -23,6 +23,7 @@
 //! step. `tests/layers.rs` holds the arrows.
 
 pub mod case;
+pub mod cut;
 pub mod fem;
 pub mod flow;
 pub mod linear;

@@ -2,6 +2,7 @@
 
 use crate::case::nearest::did_you_mean;
 use crate::case::{Case, CaseError, MeshSource};
+use crate::cut::CutMesh;
 use crate::flow::{Flow, Material};
 use crate::mesh::quality::{self, Quality};
 use crate::mesh::tetrahedron::Tetrahedron;
@@ -78,8 +79,8 @@ pub fn velocity(case: &Case, part: &MeshPart) -> Vec<[f64; 3]> {
 }
 
 /// The flow at t = 0, unless its velocity is given for all times.
-pub fn flow(case: &Case, part: &MeshPart) -> Option<Flow> {
-    case.prescribed_velocity.is_none().then(|| Flow::new(case, part, velocity(case, part)))
+pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh) -> Option<Flow> {
+    case.prescribed_velocity.is_none().then(|| Flow::new(case, part, cut, velocity(case, part)))
 }
 
 /// The phase field at t = 0, unless there is only one fluid. Collective.

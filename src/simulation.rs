@@ -3,6 +3,7 @@
 mod checkpoint;
 
 use crate::case::Case;
+use crate::cut::{CutMesh, Surface};
 use crate::fem::courant_rate;
 use crate::flow::{Flow, FlowReport, Material};
 use crate::linear::Diverged;
@@ -34,6 +35,9 @@ pub struct Simulation {
     pub case: Case,
     /// This rank's part of the mesh.
     pub part: MeshPart,
+    /// Where the structures stand.
+    pub cut: CutMesh,
+    surfaces: Vec<Surface>,
     /// Velocity and pressure, unless the velocity is given.
     pub flow: Option<Flow>,
     /// The free surface, if there are two fluids.
@@ -151,7 +155,8 @@ impl Simulation {
         let inflow = Inflow::new(&case, &part);
         let phase = setup::phase(&case, &part, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
-        let flow = setup::flow(&case, &part);
+        let cut = CutMesh::whole();
+        let flow = setup::flow(&case, &part, &cut);
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {
@@ -161,6 +166,8 @@ impl Simulation {
         }
         Ok(Self {
             case,
+            cut,
+            surfaces: Vec::new(),
             flow,
             phase,
             material,
@@ -214,7 +221,7 @@ impl Simulation {
         }
         if let Some(flow) = &mut self.flow {
             report.flow = flow
-                .advance(part, &self.material, t, dt)
+                .advance(part, &self.cut, &self.surfaces, &self.material, t, dt)
                 .map_err(failed("velocity and pressure"))?;
             stages.add("flow: assembly", report.flow.assembly);
             stages.add("flow: solve", report.flow.solve);
