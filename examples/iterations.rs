@@ -111,7 +111,8 @@ fn begin(case: Case, comm: &Communicator, state: &State) -> Simulation {
     let phi = initial::profile(&distance, fcm_fsi::phase::delta(&case.free_surface, cell));
     run.material.set_phase(&phi);
     let faces = Inflow::new(case, part).faces;
-    run.phase = Some(Phase::new(part, &case.free_surface, &case.solver, cell, phi, faces));
+    run.phase =
+        Some(Phase::new(part, &run.cut, &case.free_surface, &case.solver, cell, phi, faces));
     run.flow = Some(Flow::new(case, part, &run.cut, velocity));
     run
 }

@@ -84,7 +84,7 @@ pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh) -> Option<Flow> {
 }
 
 /// The phase field at t = 0, unless there is only one fluid. Collective.
-pub fn phase(case: &Case, part: &MeshPart, inflow: &Inflow) -> Option<Phase> {
+pub fn phase(case: &Case, part: &MeshPart, cut: &CutMesh, inflow: &Inflow) -> Option<Phase> {
     case.gas?;
     let mut distance: Vec<f64> = match &case.initial.water {
         Some(formula) => part.mesh.nodes.iter().map(|&x| formula.at(x, 0.0)).collect(),
@@ -98,7 +98,7 @@ pub fn phase(case: &Case, part: &MeshPart, inflow: &Inflow) -> Option<Phase> {
     }
     let delta = crate::phase::delta(&case.free_surface, cell);
     let phi = initial::profile(&distance, delta);
-    Some(Phase::new(part, &case.free_surface, &case.solver, cell, phi, inflow.faces.clone()))
+    Some(Phase::new(part, cut, &case.free_surface, &case.solver, cell, phi, inflow.faces.clone()))
 }
 
 /// The material at t = 0.

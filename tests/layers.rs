@@ -12,10 +12,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("main", &["case", "report", "simulation"], &["partition"]),
     (
         "simulation",
-        &["case", "cut", "fem", "flow", "linear", "mesh", "phase", "report", "setup", "shape"],
+        &["case", "cut", "fem", "flow", "linear", "mesh", "obstacles", "phase", "report", "setup"],
         &["io", "partition"],
     ),
-    ("setup", &["case", "cut", "flow", "mesh", "phase", "shape"], &["io", "partition"]),
+    ("obstacles", &["case", "cut", "mesh", "shape"], &["io"]),
+    ("setup", &["case", "cut", "flow", "mesh", "phase"], &["io", "partition"]),
     ("report", &["case", "fem", "flow", "mesh", "phase"], &["io"]),
     ("flow", &["case", "cut", "fem", "linear", "mesh"], &[]),
     ("phase", &["case", "cut", "fem", "linear", "mesh"], &[]),

@@ -109,6 +109,22 @@ impl CutMesh {
         }
     }
 
+    /// Volume of fluid in local element `e` [m³].
+    #[inline]
+    pub fn fluid_volume(&self, mesh: &Mesh, e: usize) -> f64 {
+        match self.cell(e) {
+            Cell::Whole => Tetrahedron::of(mesh, e).volume,
+            Cell::Cut(c) => c.pieces.fluid.size,
+            Cell::Solid => 0.0,
+        }
+    }
+
+    /// Whether local node `i` is in the fluid.
+    #[inline]
+    pub fn is_in_fluid(&self, i: usize) -> bool {
+        self.distance.get(i).is_none_or(|d| *d > 0.0)
+    }
+
     /// Whether all elements around local node `i` are whole.
     pub fn is_far_from_walls(&self, i: usize) -> bool {
         self.far.get(i).is_none_or(|far| *far == 1)

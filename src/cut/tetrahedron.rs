@@ -110,30 +110,45 @@ fn split(d: &[f64; 4], wet: [bool; 4], mut piece: impl FnMut([Lambda; 4])) -> [[
     }
 }
 
+/// The fluid part of a triangle with level set `d` at its corners, as triangles of shape functions.
+pub fn split_triangle(d: &[f64; 3]) -> impl Iterator<Item = [[f64; 3]; 3]> + use<> {
+    let corner = |i: usize| [0, 1, 2].map(|j| f64::from(u8::from(i == j)));
+    let crossing = |p: usize, s: usize| {
+        let mut l = [0.0; 3];
+        l[s] = d[p] / (d[p] - d[s]);
+        l[p] = 1.0 - l[s];
+        l
+    };
+    let wet = d.map(|d| d > 0.0);
+    let odd = |wanted: bool| wet.iter().position(|&w| w == wanted).unwrap_or(0);
+    let pieces = match wet.iter().filter(|&&w| w).count() {
+        0 => [None, None],
+        1 => {
+            let p = odd(true);
+            let (a, b) = ((p + 1) % 3, (p + 2) % 3);
+            [Some([corner(p), crossing(p, a), crossing(p, b)]), None]
+        }
+        2 => {
+            let s = odd(false);
+            let (a, b) = ((s + 1) % 3, (s + 2) % 3);
+            let (ca, cb) = (crossing(a, s), crossing(b, s));
+            [Some([corner(a), corner(b), cb]), Some([corner(a), cb, ca])]
+        }
+        _ => [Some([0, 1, 2].map(corner)), None],
+    };
+    pieces.into_iter().flatten()
+}
+
 /// Moments of the fluid part of face `f` [m²]: the outer boundary is cut as the elements are.
 pub fn cut_face(x: &[[f64; 3]; 4], d: &[f64; 4], f: usize) -> Moments {
     let mut fluid = Moments::default();
-    let mut add = |t: [Lambda; 3]| fluid.add_simplex(crate::fem::norm(area_vector(x, &t)), t);
-    let (mut p, mut s) = ([0; 3], [0; 3]);
-    let (mut np, mut ns) = (0, 0);
-    for i in FACES[f] {
-        if d[i] > 0.0 {
-            p[np] = i;
-            np += 1;
-        } else {
-            s[ns] = i;
-            ns += 1;
-        }
-    }
-    match np {
-        0 => {}
-        1 => add([corner(p[0]), crossing(d, p[0], s[0]), crossing(d, p[0], s[1])]),
-        2 => {
-            let c = [crossing(d, p[0], s[0]), crossing(d, p[1], s[0])];
-            add([corner(p[0]), corner(p[1]), c[1]]);
-            add([corner(p[0]), c[1], c[0]]);
-        }
-        _ => add(p.map(corner)),
+    for piece in split_triangle(&FACES[f].map(|c| d[c])) {
+        let corners = piece.map(|l| {
+            let mut in_element = [0.0; 4];
+            FACES[f].iter().zip(l).for_each(|(&c, l)| in_element[c] = l);
+            in_element
+        });
+        fluid.add_simplex(crate::fem::norm(area_vector(x, &corners)), corners);
     }
     fluid
 }

@@ -147,7 +147,7 @@ impl Flow {
                 Some(_) => START_TOLERANCE_FREE_SURFACE,
                 None => START_TOLERANCE,
             },
-            wall: Method::Nitsche,
+            wall: case.flow.wall_penalty.map_or(Method::Nitsche, Method::Penalty),
             max_iterations: case.solver.max_iterations,
             picard: case.flow.iterations.max(1),
             body_force: case.body_force.clone(),

@@ -139,12 +139,11 @@ impl Element {
         system
     }
 
-    /// u' = (τ/ρ) R at the centroid, after the solve [m/s]: as much of it over the fluid part as the
-    /// continuity equation has over the whole element.
+    /// u' = (τ/ρ) R at the centroid, after the solve [m/s]; in the continuity equation it acts over the
+    /// whole element.
     #[inline]
     pub fn fine_scale(&self, fluid: &impl Region, u_new: &[[f64; 3]; 4], p: &[f64; 4]) -> [f64; 3] {
         let Parameters { a, tau, .. } = self.parameters(fluid);
-        let tau = tau * self.geometry.volume / fluid.volume();
         let ElementMaterial { rho, grad_mu, force, .. } = self.material;
         let grad_p = self.geometry.gradient(*p);
         let theta = self.theta;
