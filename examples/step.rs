@@ -114,8 +114,9 @@ fn begin(case: Case, comm: &Communicator, state: &State) -> Simulation {
     let phi = initial::profile(&distance, fcm_fsi::phase::delta(&case.free_surface, cell));
     run.material.set_phase(&phi);
     let faces = Inflow::new(case, part).faces;
-    run.phase = Some(Phase::new(part, &case.free_surface, &case.solver, cell, phi, faces));
-    run.flow = Some(Flow::new(case, part, velocity));
+    run.phase =
+        Some(Phase::new(part, &run.cut, &case.free_surface, &case.solver, cell, phi, faces));
+    run.flow = Some(Flow::new(case, part, &run.cut, velocity));
     run
 }
 
@@ -144,7 +145,7 @@ fn solve(comm: &Communicator, arguments: &[String]) {
     let flow = run.flow.as_mut().unwrap();
     (flow.u, flow.u_old, flow.p, flow.dt_old, flow.steps) = before;
     flow.tolerance = 1e-6;
-    let fine = flow.advance(&run.part, &run.material, t, dt).unwrap();
+    let fine = flow.advance(&run.part, &run.cut, &[], &run.material, t, dt).unwrap();
     let nodes = comm.sum_u64(run.part.n_owned() as u64);
     let tets = comm.sum_u64(run.part.n_owned_elements as u64);
     let line = serde_json::json!({

@@ -3,7 +3,9 @@
 //!
 //! ```text
 //!   main ─► setup, simulation ─► flow   phase         siblings never name each other
-//!                │                └─► fem ◄─┘          constraints by boundary name, quadrature
+//!                │                └─► cut ◄─┘          a cut element is an element with another quadrature
+//!                │                     ▼
+//!                │                    fem              constraints by boundary name, quadrature
 //!                ▼                     ▼
 //!             report ─► io            mesh              geometry; mesh::part alone meets the ranks
 //!                        └─► partition ◄┘   linear      sparse blocks, Krylov, multigrid: no physics
@@ -13,6 +15,7 @@
 //! - [`setup`]: case → this rank's part of the mesh and the initial state.
 //! - [`simulation`]: state, one step, the run, restart.
 //! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
+//! - [`obstacles`]: structures of the case; [`shape`]: their geometry; [`cut`]: the mesh as they leave it.
 //! - [`fem`], [`mesh`], [`linear`]: what they stand on.
 //! - [`shape`]: closed solids and where they stand.
 //! - [`report`]: gauges, files, progress, the summary.
@@ -23,10 +26,12 @@
 //! step. `tests/layers.rs` holds the arrows.
 
 pub mod case;
+pub mod cut;
 pub mod fem;
 pub mod flow;
 pub mod linear;
 pub mod mesh;
+pub mod obstacles;
 pub mod phase;
 pub mod report;
 pub mod setup;

@@ -3,12 +3,14 @@
 mod checkpoint;
 
 use crate::case::Case;
+use crate::cut::CutMesh;
 use crate::fem::courant_rate;
-use crate::flow::{Flow, FlowReport, Material};
+use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
 use crate::mesh::balance::Balance;
 use crate::mesh::quality::Quality;
+use crate::obstacles::Obstacles;
 use crate::phase::{Phase, VolumeReport, inflow::Inflow};
 use crate::report::gauges::Gauges;
 use crate::report::output::{Output, Schedule, Snapshot};
@@ -34,6 +36,11 @@ pub struct Simulation {
     pub case: Case,
     /// This rank's part of the mesh.
     pub part: MeshPart,
+    /// Where the structures stand.
+    pub cut: CutMesh,
+    obstacles: Option<Obstacles>,
+    /// What the fluid did to each obstacle over the last step.
+    pub loads: Vec<BodyLoad>,
     /// Velocity and pressure, unless the velocity is given.
     pub flow: Option<Flow>,
     /// The free surface, if there are two fluids.
@@ -149,9 +156,11 @@ impl Simulation {
         let balance = Balance::of(&part);
         let gauges = Some(Gauges::new(&case, &part)?);
         let inflow = Inflow::new(&case, &part);
-        let phase = setup::phase(&case, &part, &inflow);
+        let obstacles = Obstacles::new(&case, &part)?;
+        let cut = obstacles.as_ref().map_or_else(CutMesh::whole, |o| o.cut(&part, 0.0));
+        let phase = setup::phase(&case, &part, &cut, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
-        let flow = setup::flow(&case, &part);
+        let flow = setup::flow(&case, &part, &cut);
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {
@@ -161,6 +170,9 @@ impl Simulation {
         }
         Ok(Self {
             case,
+            cut,
+            loads: vec![BodyLoad::default(); obstacles.as_ref().map_or(0, |o| o.names().count())],
+            obstacles,
             flow,
             phase,
             material,
@@ -204,20 +216,22 @@ impl Simulation {
             self.inflow.values(part, velocity, t, phase.delta(), inflow);
             let moved = stages
                 .time("free surface", || {
-                    phase.advance(part, dt_phase, velocity, fine_scale, inflow)
+                    phase.advance(part, &self.cut, dt_phase, velocity, fine_scale, inflow)
                 })
                 .map_err(failed("free surface"))?;
             report.phase_iterations = moved.iterations;
-            report.volume = stages.time("volume", || phase.restore_volume(part));
+            report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
             self.material.set_phase(&phase.phi);
             clock.t_phase += dt_phase;
         }
         if let Some(flow) = &mut self.flow {
+            let surfaces = self.obstacles.as_ref().map_or(Vec::new(), |o| o.surfaces(t, dt));
             report.flow = flow
-                .advance(part, &self.material, t, dt)
+                .advance(part, &self.cut, &surfaces, &self.material, t, dt)
                 .map_err(failed("velocity and pressure"))?;
             stages.add("flow: assembly", report.flow.assembly);
             stages.add("flow: solve", report.flow.solve);
+            self.loads = flow.loads(part, &self.cut, &self.material, &surfaces);
         }
         clock.tick(dt);
         Ok(report)
@@ -308,6 +322,8 @@ impl Simulation {
             u: self.velocity(),
             p: self.flow.as_ref().map_or(&[], |flow| &flow.p),
             phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
+            distance: &self.cut.distance,
+            loads: &self.loads,
         }
     }
 

@@ -4,6 +4,7 @@
 //! formulation shows. `scripts/validate` has the finer series.
 
 use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::cut::CutMesh;
 use fcm_fsi::fem::quadrature::TETRAHEDRON_CUBIC;
 use fcm_fsi::flow::{Flow, Material};
 use fcm_fsi::mesh::boxes::tensor_box;
@@ -38,7 +39,8 @@ impl Setting {
         };
         let case = Case::new(&sources).unwrap_or_else(|error| panic!("{error}\n{case}"));
         let part = MeshPart::single(mesh);
-        let flow = setup::flow(&case, &part).expect("no velocity is given for all times");
+        let flow = setup::flow(&case, &part, &CutMesh::whole())
+            .expect("no velocity is given for all times");
         let material = setup::material(&case, &part, None);
         Self { part, flow, material }
     }
@@ -47,7 +49,10 @@ impl Setting {
     fn run(&mut self, steps: impl IntoIterator<Item = f64>) -> u32 {
         let (mut t, mut iterations) = (0.0, 0);
         for dt in steps {
-            let report = self.flow.advance(&self.part, &self.material, t, dt).unwrap();
+            let report = self
+                .flow
+                .advance(&self.part, &CutMesh::whole(), &[], &self.material, t, dt)
+                .unwrap();
             iterations = report.iterations;
             t += dt;
         }

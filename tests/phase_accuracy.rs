@@ -1,6 +1,7 @@
 //! The phase field against exact motions: a cylinder carried round and carried along.
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
+use fcm_fsi::cut::CutMesh;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::tetrahedron::Tetrahedron;
 use fcm_fsi::mesh::{Mesh, MeshPart};
@@ -46,13 +47,15 @@ impl Run {
                 lumped[n as usize] += 0.25 * Tetrahedron::of(&part.mesh, e).volume;
             }
         }
-        let phase = Phase::new(&part, settings, &SOLVER, h, phi, Vec::new());
+        let phase = Phase::new(&part, &CutMesh::whole(), settings, &SOLVER, h, phi, Vec::new());
         Self { part, phase, lumped }
     }
 
     fn step(&mut self, dt: f64, u: &[[f64; 3]], inflow: &[(u32, f64)]) {
         let fine = vec![[0.0; 3]; self.part.mesh.tets.len()];
-        self.phase.advance(&self.part, dt, u, &fine, inflow).expect("a mass-dominated solve");
+        self.phase
+            .advance(&self.part, &CutMesh::whole(), dt, u, &fine, inflow)
+            .expect("a mass-dominated solve");
     }
 
     /// ∫|φ − exact| / ∫exact, nodal quadrature.
@@ -87,18 +90,18 @@ fn turn(settings: &FreeSurface, jitter: f64, steps: u32) -> Turn {
         .map(|i| (i as u32, 0.0))
         .collect();
     let exact = run.phase.phi.clone();
-    let before = run.phase.volume(&run.part);
+    let before = run.phase.volume(&run.part, &CutMesh::whole());
     let mut bounds = [0.0f64, 1.0];
     for _ in 0..steps {
         run.step(2.0 * PI / 314.0, &u, &inflow);
         if settings.volume_correction != VolumeCorrection::Off {
-            run.phase.restore_volume(&run.part);
+            run.phase.restore_volume(&run.part, &CutMesh::whole());
         }
         for phi in &run.phase.phi {
             bounds = [bounds[0].min(*phi), bounds[1].max(*phi)];
         }
     }
-    let drift = run.phase.volume(&run.part) / before - 1.0;
+    let drift = run.phase.volume(&run.part, &CutMesh::whole()) / before - 1.0;
     Turn { l1: run.l1(&exact), drift, bounds }
 }
 

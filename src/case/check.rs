@@ -12,6 +12,7 @@ use values::{Reader, at_least_one, between, finite_vector, not_negative, positiv
 
 mod block;
 mod boundaries;
+mod obstacles;
 mod values;
 
 impl Case {
@@ -45,6 +46,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     }
     let initial = initial(&file, &reader, &inside)?;
     let (default_boundary, boundaries) = boundaries::check(&mut file, &mesh, &reader, &always)?;
+    let obstacles = obstacles::check(&file, &reader, sources, &always, liquid.viscosity)?;
     let free_surface = match gas {
         Some(_) => free_surface(file.free_surface.get_or_insert_default(), paper)?,
         None => free_surface(&mut FreeSurfaceTable::default(), paper)?,
@@ -62,6 +64,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
         path: sources.path(),
         mesh,
         refine: file.mesh.refine,
+        obstacles,
         default_boundary,
         boundaries,
         liquid,
@@ -188,6 +191,11 @@ fn flow(file: &mut CaseFile, paper: bool) -> Result<Flow, Problem> {
     Ok(Flow {
         gravity: *file.flow.gravity.get_or_insert(gravity),
         iterations: at_least_one("flow.iterations", file.flow.iterations)?,
+        wall_penalty: file
+            .flow
+            .wall_penalty
+            .map(|p| positive("flow.wall_penalty", p))
+            .transpose()?,
     })
 }
 

@@ -28,6 +28,8 @@ pub struct Case {
     pub mesh: MeshSource,
     /// How many times every tetrahedron is split into eight, after distribution.
     pub refine: u32,
+    /// Structures that stand or move as told.
+    pub obstacles: Vec<Obstacle>,
     /// Boundary condition of every boundary not listed in `boundaries`.
     pub default_boundary: Boundary,
     /// By boundary name.
@@ -123,6 +125,42 @@ pub enum Boundary {
     },
 }
 
+/// A structure cut through the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Obstacle {
+    /// In bodies.csv.
+    pub name: String,
+    /// In its own frame.
+    pub solid: Solid,
+    /// Where its origin is put [m].
+    pub at: [f64; 3],
+    /// Angles about x, then y, then z [rad].
+    pub turned: [f64; 3],
+    /// The fluid is inside.
+    pub outside_in: bool,
+    /// The fluid slides along.
+    pub slip: bool,
+    /// From `at`, formulas of t [m].
+    pub displacement: Option<[Formula; 3]>,
+    /// Rotation vector about the origin, formulas of t [degrees].
+    pub rotation: Option<[Formula; 3]>,
+}
+
+/// The shape of an obstacle.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Solid {
+    /// Edges [m].
+    Cuboid([f64; 3]),
+    /// Radius [m].
+    Sphere(f64),
+    /// Radius, height [m].
+    Cylinder([f64; 2]),
+    /// STL or OBJ.
+    Surface(PathBuf),
+    /// ESRI ASCII grid of heights.
+    Terrain(PathBuf),
+}
+
 /// State at t = 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Initial {
@@ -207,6 +245,8 @@ pub struct Flow {
     pub gravity: Gravity,
     /// Picard iterations a step.
     pub iterations: u32,
+    /// The paper's p̄ at obstacles [Pa s/m]; `None`: Nitsche's method.
+    pub wall_penalty: Option<f64>,
 }
 
 /// Linear solver settings.

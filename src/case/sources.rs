@@ -82,6 +82,9 @@ impl Sources {
         let absolute = |name: &mut String| *name = self.folder.join(&*name).display().to_string();
         for_each_table(file, &mut |_, name| absolute(name));
         file.mesh.file.iter_mut().for_each(absolute);
+        for obstacle in &mut file.obstacle {
+            obstacle.surface.iter_mut().chain(&mut obstacle.terrain).for_each(absolute);
+        }
     }
 
     /// For errors about keys.
@@ -133,6 +136,11 @@ fn for_each_table(file: &mut CaseFile, f: &mut dyn FnMut(&str, &mut String)) {
     vector("body_force", file.body_force.as_mut(), f);
     vector("prescribed_velocity", file.prescribed_velocity.as_mut(), f);
     vector("initial.velocity", Some(&mut file.initial.velocity), f);
+    for (i, obstacle) in file.obstacle.iter_mut().enumerate() {
+        let key = |name: &str| format!("obstacle[{}].{name}", i + 1);
+        vector(&key("displacement"), obstacle.displacement.as_mut(), f);
+        vector(&key("rotation"), obstacle.rotation.as_mut(), f);
+    }
     for (name, entry) in &mut file.boundaries {
         let BoundaryEntry::Table(table) = entry else { continue };
         vector(&format!("boundaries.{name}.velocity"), table.velocity.as_mut(), f);

@@ -56,8 +56,9 @@ pub struct Constraints {
 }
 
 impl Constraints {
-    /// From the case's boundary conditions. Collective.
-    pub fn new(case: &Case, part: &MeshPart) -> Self {
+    /// From the case's boundary conditions; `reference` says of a local node whether the
+    /// pressure may be pinned there. Collective.
+    pub fn new(case: &Case, part: &MeshPart, reference: impl Fn(usize) -> bool) -> Self {
         let mesh = &part.mesh;
         let conditions: Vec<&Boundary> =
             mesh.boundary_names.iter().map(|name| case.boundary(name)).collect();
@@ -115,7 +116,7 @@ impl Constraints {
             nodes[i].pressure_given = u8::from(open_of[i] != u32::MAX);
         }
         let anything_open = part.comm.any(open_of.iter().any(|&o| o != u32::MAX));
-        let pinned = if anything_open { None } else { highest_node(case.gravity, part) };
+        let pinned = if anything_open { None } else { highest_node(case.gravity, part, reference) };
         if let Some(node) = pinned {
             nodes[node as usize].pressure_given = 1;
         }
@@ -196,10 +197,11 @@ fn projector(walls: &[[f64; 3]]) -> [[f64; 3]; 3] {
     free
 }
 
-/// The owned node highest against gravity, if it is here: ties by lowest global id. Collective.
-fn highest_node(gravity: [f64; 3], part: &MeshPart) -> Option<u32> {
+/// The fit owned node highest against gravity, if it is here: ties by lowest global id. Collective.
+fn highest_node(gravity: [f64; 3], part: &MeshPart, fit: impl Fn(usize) -> bool) -> Option<u32> {
     let depth = |i: usize| dot(gravity, part.mesh.nodes[i]);
     let mine = (0..part.n_owned())
+        .filter(|&i| fit(i))
         .map(|i| (depth(i), part.nodes.global[i], i as u32))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let lowest = part.comm.min(mine.map_or(f64::INFINITY, |m| m.0));

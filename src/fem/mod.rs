@@ -4,6 +4,7 @@
 
 pub mod constraints;
 pub mod quadrature;
+pub mod region;
 
 pub use crate::mesh::tetrahedron;
 

@@ -88,6 +88,11 @@ impl Material {
         nu(self.liquid).max(nu(self.gas))
     }
 
+    /// Viscosity at node `i` [Pa s].
+    pub fn viscosity(&self, i: usize) -> f64 {
+        self.gas.viscosity + (self.liquid.viscosity - self.gas.viscosity) * self.phi[i]
+    }
+
     /// Mean density of the edge i-j [kg/m³].
     #[inline]
     fn edge_density(&self, i: usize, j: usize) -> f64 {

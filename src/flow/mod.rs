@@ -6,17 +6,23 @@
 //! - `weak_form`: what one element adds to the linear system of a step.
 //! - `open_boundary`: what a face with given pressure adds.
 //! - `viscous`: what the preconditioner needs where viscosity rules.
+//! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
+//! - `loads`: forces and torques on bodies.
 //! - `step`: state, assembly, solve, fine-scale velocity.
 //!
-//! May name `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
+//! May name `cut`, `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
 //! of the phase field only its values.
 
+pub mod loads;
 pub mod material;
 pub mod open_boundary;
+mod slivers;
 pub mod stabilisation;
 pub mod step;
 mod viscous;
+pub mod wall;
 pub mod weak_form;
 
+pub use loads::{BodyLoad, Load};
 pub use material::Material;
 pub use step::{Flow, FlowReport};

@@ -4,11 +4,17 @@
 
 use super::material::Material;
 use super::open_boundary::OpenFace;
+use super::slivers::{self, Entry, WithEntries};
 use super::viscous;
+use super::wall::{Method, WallElement};
 use super::weak_form::Element;
 use crate::case::{Boundary, Case, Formula};
+use crate::cut::tetrahedron::cut_face;
+use crate::cut::{Cell, CutElement, CutMesh, Surface};
 use crate::fem::constraints::{Constraints, FREE};
+use crate::fem::region::{Region, Whole};
 use crate::fem::tetrahedron::Tetrahedron;
+use crate::fem::{norm, triangle_normal};
 use crate::linear::block_csr::ElementSlots;
 use crate::linear::{
     BlockCsr, Converged, DistributedOperator, Diverged, Halo, InnerProduct, KrylovSettings,
@@ -48,15 +54,20 @@ pub struct Flow {
     pub tolerance: f64,
     /// The same for the first steps, at most.
     start_tolerance: f64,
+    /// How the walls of structures are imposed.
+    pub wall: Method,
     max_iterations: u32,
     picard: u32,
     body_force: Option<[Formula; 3]>,
+    /// Element and nodes.
     open_faces: Vec<(u32, [u32; 3])>,
     /// Size of the smallest element on any rank [m].
     smallest: f64,
     matrix: BlockCsr<4>,
     pressure: BlockCsr<1>,
     slots: ElementSlots,
+    /// Entries of the ghost penalty that the matrix has no place for.
+    across: Vec<Entry>,
     constrained_entries: Vec<(u32, u32, u32)>,
     rhs: Vec<[f64; 4]>,
     x: Vec<[f64; 4]>,
@@ -89,12 +100,13 @@ pub struct FlowReport {
 
 impl Flow {
     /// With the given velocity but for what the boundaries fix at t = 0; pressure unknown. Collective.
-    pub fn new(case: &Case, part: &MeshPart, mut u: Vec<[f64; 3]>) -> Self {
+    pub fn new(case: &Case, part: &MeshPart, cut: &CutMesh, mut u: Vec<[f64; 3]>) -> Self {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
-        let constraints = Constraints::new(case, part);
+        let constraints = Constraints::new(case, part, |i| cut.is_far_from_walls(i));
         let mut p = vec![0.0; n];
         constraints.impose(part, 0.0, 0.0, &mut u, &mut p);
+        cut.dry_nodes.iter().for_each(|&i| u[i as usize] = [0.0; 3]);
         let (matrix, slots) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
         let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
         let mut constrained_entries = Vec::new();
@@ -135,6 +147,7 @@ impl Flow {
                 Some(_) => START_TOLERANCE_FREE_SURFACE,
                 None => START_TOLERANCE,
             },
+            wall: case.flow.wall_penalty.map_or(Method::Nitsche, Method::Penalty),
             max_iterations: case.solver.max_iterations,
             picard: case.flow.iterations.max(1),
             body_force: case.body_force.clone(),
@@ -147,6 +160,7 @@ impl Flow {
             matrix,
             pressure,
             slots,
+            across: Vec::new(),
             constrained_entries,
             halo,
             weights: Vec::new(),
@@ -155,10 +169,12 @@ impl Flow {
         }
     }
 
-    /// Advances u from `t` to `t + dt`, and p to the middle. Collective.
+    /// Advances u from `t` to `t + dt`, and p to the middle, around the `surfaces` of structures. Collective.
     pub fn advance(
         &mut self,
         part: &MeshPart,
+        cut: &CutMesh,
+        surfaces: &[Surface],
         material: &Material,
         t: f64,
         dt: f64,
@@ -187,13 +203,14 @@ impl Flow {
                 }
             }
             let clock = Instant::now();
-            self.assemble(part, material, dt, theta);
+            self.assemble(part, cut, surfaces, material, dt, theta);
+            self.assemble_slivers(part, cut, material, dt);
             self.constrain();
+            self.fix_dry_nodes(cut);
             report.assembly += clock.elapsed();
             let clock = Instant::now();
             let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
-                let Self { constraints, pressure, slots, .. } = &*self;
-                viscous::operators(part, material, constraints, pressure, slots, dt, theta)
+                viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
             });
             self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
             let solved = self.solve(starting)?;
@@ -211,7 +228,7 @@ impl Flow {
             *u = [x[0], x[1], x[2]];
             *p = x[3];
         }
-        [report.kinetic, report.potential] = self.find_fine_scale(part, material, dt, theta);
+        [report.kinetic, report.potential] = self.find_fine_scale(part, cut, material, dt, theta);
         self.dt_old = dt;
         self.steps += 1;
         Ok(report)
@@ -257,12 +274,44 @@ impl Flow {
         }
     }
 
-    fn assemble(&mut self, part: &MeshPart, material: &Material, dt: f64, theta: f64) {
+    /// The wall in a cut element.
+    fn wall<'a>(
+        &self,
+        element: &'a Element,
+        c: &'a CutElement,
+        surface: &'a Surface,
+        x: &'a [[f64; 3]; 4],
+    ) -> WallElement<'a> {
+        WallElement { element, pieces: &c.pieces, surface, x, method: self.wall }
+    }
+
+    fn assemble(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        surfaces: &[Surface],
+        material: &Material,
+        dt: f64,
+        theta: f64,
+    ) {
         self.matrix.clear();
         self.pressure.clear();
         self.rhs.fill([0.0; 4]);
         for e in 0..part.n_assembled_elements {
-            let system = self.element(part, material, e, &self.u, dt, theta).system();
+            let cell = cut.cell(e);
+            if matches!(cell, Cell::Solid) {
+                continue;
+            }
+            let element = self.element(part, material, e, &self.u, dt, theta);
+            let system = match cell {
+                Cell::Cut(c) => {
+                    let mut system = element.system(&c.pieces.fluid);
+                    let x = part.mesh.corners(e);
+                    self.wall(&element, c, &surfaces[c.body as usize], &x).add(&mut system);
+                    system
+                }
+                _ => element.system(&Whole(element.geometry.volume)),
+            };
             let tet = &part.mesh.tets[e];
             for i in 0..4 {
                 if self.slots[e][4 * i] == u32::MAX {
@@ -285,17 +334,39 @@ impl Flow {
                 }
             }
         }
-        self.assemble_open_faces(part, material, theta);
+        self.assemble_open_faces(part, cut, material, theta);
     }
 
-    fn assemble_open_faces(&mut self, part: &MeshPart, material: &Material, theta: f64) {
+    fn assemble_open_faces(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        material: &Material,
+        theta: f64,
+    ) {
         let mesh = &part.mesh;
         for &(e, nodes) in &self.open_faces {
             let tet = &mesh.tets[e as usize];
-            let corners = tet.map(|n| mesh.nodes[n as usize]);
+            let corners = mesh.corners(e as usize);
+            let area = triangle_normal(nodes.map(|n| mesh.nodes[n as usize]));
+            let size = norm(area);
+            let mass = match cut.cell(e as usize) {
+                Cell::Solid => continue,
+                Cell::Whole => [0, 1, 2]
+                    .map(|i| [0, 1, 2].map(|j| size * if i == j { 1.0 / 6.0 } else { 1.0 / 12.0 })),
+                Cell::Cut(_) => {
+                    let corner = nodes.map(|n| tet.iter().position(|&m| m == n));
+                    let corner =
+                        corner.map(|c| c.expect("a face has three of its element's nodes"));
+                    let d = tet.map(|n| cut.distance[n as usize]);
+                    let fluid = cut_face(&corners, &d, 6 - corner.iter().sum::<usize>());
+                    corner.map(|i| corner.map(|j| fluid.second(i, j)))
+                }
+            };
             let n = nodes.map(|n| n as usize);
             let face = OpenFace {
-                x: n.map(|n| mesh.nodes[n]),
+                normal: area.map(|a| a / size),
+                mass,
                 u: n.map(|n| self.u[n]),
                 a: n.map(|n| self.a[n]),
                 p: n.map(|n| self.x[n][3]),
@@ -313,10 +384,56 @@ impl Flow {
                 for j in 0..3 {
                     let slot = self.matrix.slot(nodes[i], nodes[j]) as usize;
                     for k in 0..3 {
-                        self.matrix.values[slot][k][k] += if i == j { 2.0 * c } else { c };
+                        self.matrix.values[slot][k][k] += c * mass[i][j];
                     }
                 }
             }
+        }
+    }
+
+    /// The ghost penalty on faces of cut elements.
+    fn assemble_slivers(&mut self, part: &MeshPart, cut: &CutMesh, material: &Material, dt: f64) {
+        self.across.clear();
+        for face in &cut.ghost_faces {
+            let c = slivers::coefficient(face, material, &self.a, dt);
+            for (i, &row) in face.nodes.iter().enumerate() {
+                if row as usize >= part.n_owned() {
+                    continue;
+                }
+                for (j, &column) in face.nodes.iter().enumerate() {
+                    let value = c * face.jump[i] * face.jump[j];
+                    if i.min(j) == 3 && i != j {
+                        self.across.push(Entry { row, column, value });
+                    } else {
+                        let slot = self.matrix.slot(row, column) as usize;
+                        for k in 0..3 {
+                            self.matrix.values[slot][k][k] += value;
+                        }
+                    }
+                }
+            }
+        }
+        // What is given of the column's node goes to the right-hand side, as in `constrain`.
+        for &Entry { row, column, value } in &self.across {
+            let x = self.x[column as usize];
+            let free = self.constraints.nodes[column as usize].project([x[0], x[1], x[2]]);
+            for k in 0..3 {
+                self.rhs[row as usize][k] -= value * (x[k] - free[k]);
+            }
+        }
+    }
+
+    /// Nodes without fluid keep what they have.
+    fn fix_dry_nodes(&mut self, cut: &CutMesh) {
+        let n_owned = self.matrix.n_rows();
+        for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
+            let at = self.matrix.diagonal(i);
+            for k in 0..4 {
+                self.matrix.values[at][k] = [0.0; 4];
+                self.matrix.values[at][k][k] = 1.0;
+            }
+            self.pressure.values[at] = [[1.0]];
+            self.rhs[i] = self.x[i];
         }
     }
 
@@ -412,8 +529,10 @@ impl Flow {
             max_iterations: self.max_iterations,
             restart: RESTART,
         };
+        let matrix = DistributedOperator::new(&self.matrix, &self.halo);
+        let constraints = &self.constraints.nodes;
         fgmres(
-            &DistributedOperator::new(&self.matrix, &self.halo),
+            &WithEntries { matrix, entries: &self.across, constraints },
             &mut self.preconditioner,
             &product,
             rhs,
@@ -427,24 +546,65 @@ impl Flow {
     fn find_fine_scale(
         &mut self,
         part: &MeshPart,
+        cut: &CutMesh,
         material: &Material,
         dt: f64,
         theta: f64,
     ) -> [f64; 2] {
         let mut energies = [0.0; 2];
         for e in 0..part.mesh.tets.len() {
-            let tet = &part.mesh.tets[e];
-            let u_new = tet.map(|n| self.u[n as usize]);
-            let p = tet.map(|n| self.p[n as usize]);
+            let cell = cut.cell(e);
+            if matches!(cell, Cell::Solid) {
+                self.fine_scale[e] = [0.0; 3];
+                continue;
+            }
             let element = self.element(part, material, e, &self.u_old, dt, theta);
-            self.fine_scale[e] = element.fine_scale(&u_new, &p);
+            let (fine, energy) = match cell {
+                Cell::Cut(c) => self.after(part, e, &element, &c.pieces.fluid, material),
+                _ => self.after(part, e, &element, &Whole(element.geometry.volume), material),
+            };
+            self.fine_scale[e] = fine;
             if e < part.n_owned_elements {
-                let x = tet.map(|n| part.mesh.nodes[n as usize]);
-                energies[0] += element.kinetic_energy(&u_new);
-                energies[1] += element.potential_energy(&x, material.gravity());
+                energies = [energies[0] + energy[0], energies[1] + energy[1]];
             }
         }
         part.comm.sum_all(&mut energies);
         energies
+    }
+
+    /// u' and kinetic and potential energy of an element after the solve.
+    #[inline]
+    fn after(
+        &self,
+        part: &MeshPart,
+        e: usize,
+        element: &Element,
+        fluid: &impl Region,
+        material: &Material,
+    ) -> ([f64; 3], [f64; 2]) {
+        let tet = &part.mesh.tets[e];
+        let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
+        let x = part.mesh.corners(e);
+        let kinetic = element.kinetic_energy(fluid, &u);
+        let potential = element.potential_energy(fluid, &x, material.gravity());
+        (element.fine_scale(fluid, &u, &p), [kinetic, potential])
+    }
+
+    /// What the wall in `c` bore in each corner's momentum equation over the last step: the reaction of the
+    /// weak form, and its traction alone [N].
+    pub(super) fn last_reaction(
+        &self,
+        part: &MeshPart,
+        material: &Material,
+        c: &CutElement,
+        surface: &Surface,
+        u: &[[f64; 3]; 4],
+        p: &[f64; 4],
+    ) -> [[[f64; 3]; 4]; 2] {
+        let e = c.element as usize;
+        let theta = if self.steps <= START_STEPS { 1.0 } else { 0.5 };
+        let element = self.element(part, material, e, &self.u_old, self.dt_old, theta);
+        let x = part.mesh.corners(e);
+        self.wall(&element, c, surface, &x).reaction(u, p)
     }
 }

@@ -1,9 +1,9 @@
 //! Where viscosity rules a step, θ Δt ν/h² ≫ 1, what the solver's preconditioner needs to know of it.
 
 use super::material::Material;
+use crate::cut::{Cell, CutMesh};
 use crate::fem::constraints::Constraints;
-use crate::fem::dot;
-use crate::linear::block_csr::ElementSlots;
+use crate::fem::region::Region;
 use crate::linear::{BlockCsr, ViscousOperators};
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
@@ -16,44 +16,43 @@ pub fn rules(material: &Material, smallest: f64, dt: f64, theta: f64) -> bool {
     theta * dt * material.kinematic_viscosity() > LIMIT * smallest * smallest
 }
 
-/// The operators of this step, of the pattern of `pressure`; `slots` say where elements go.
+/// The operators of this step, from its momentum `matrix`, boundary conditions and walls included: where
+/// viscosity rules, its convection does not matter.
 pub fn operators(
     part: &MeshPart,
+    cut: &CutMesh,
     material: &Material,
     constraints: &Constraints,
-    pressure: &BlockCsr<1>,
-    slots: &ElementSlots,
-    dt: f64,
+    matrix: &BlockCsr<4>,
     theta: f64,
 ) -> ViscousOperators {
     let n = part.n_owned();
-    let mut velocity: [BlockCsr<1>; 3] =
-        std::array::from_fn(|_| BlockCsr::with_pattern_of(pressure));
+    let mut velocity: [BlockCsr<1>; 3] = std::array::from_fn(|_| BlockCsr::with_pattern_of(matrix));
+    for (c, velocity) in velocity.iter_mut().enumerate() {
+        for (v, block) in velocity.values.iter_mut().zip(&matrix.values) {
+            *v = [[block[c][c]]];
+        }
+    }
     let mut mobility = vec![0.0; n];
     for (e, tet) in part.mesh.tets[..part.n_assembled_elements].iter().enumerate() {
-        let x = tet.map(|n| part.mesh.nodes[n as usize]);
+        let cell = cut.cell(e);
+        if matches!(cell, Cell::Solid) {
+            continue;
+        }
+        let x = part.mesh.corners(e);
         let t = Tetrahedron::new(x);
-        let material = material.element(tet, &x, &t);
-        let (mass, stress) = (material.rho * t.volume / (20.0 * dt), theta * material.mu);
-        for i in 0..4 {
-            if slots[e][4 * i] == u32::MAX {
-                continue;
-            }
-            mobility[tet[i] as usize] += 0.25 * t.volume / stress;
-            for j in 0..4 {
-                let (gi, gj) = (&t.grad[i], &t.grad[j]);
-                let same = if i == j { 2.0 } else { 1.0 };
-                let gg = dot(*gi, *gj);
-                for (c, velocity) in velocity.iter_mut().enumerate() {
-                    velocity.values[slots[e][4 * i + j] as usize][0][0] +=
-                        mass * same + stress * t.volume * (gg + gi[c] * gj[c]);
-                }
-            }
+        let stress = theta * material.element(tet, &x, &t).mu;
+        for i in (0..4).filter(|&i| (tet[i] as usize) < n) {
+            let volume = match cell {
+                Cell::Cut(c) => c.pieces.fluid.first(i),
+                _ => 0.25 * t.volume,
+            };
+            mobility[tet[i] as usize] += volume / stress;
         }
     }
     for i in 0..n {
-        for entry in pressure.row(i) {
-            let j = pressure.columns[entry] as usize;
+        for entry in matrix.row(i) {
+            let j = matrix.columns[entry] as usize;
             for (c, velocity) in velocity.iter_mut().enumerate() {
                 let free = |node: usize| {
                     let row = constraints.nodes[node].free[c];
@@ -69,6 +68,8 @@ pub fn operators(
     let pressure = mobility.iter().enumerate();
     ViscousOperators {
         velocity,
-        pressure: pressure.map(|(i, m)| if given(i) { 0.0 } else { 1.0 / m }).collect(),
+        pressure: pressure
+            .map(|(i, &m)| if given(i) || m == 0.0 { 0.0 } else { 1.0 / m })
+            .collect(),
     }
 }

@@ -13,10 +13,11 @@
 
 use super::material::ElementMaterial;
 use super::stabilisation::{tau, tau_c};
+use crate::fem::region::Region;
 use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{dot, norm};
 
-/// One element's known data.
+/// One element's known data. Its `Region` is the part that is fluid.
 #[derive(Clone, Copy, Debug)]
 pub struct Element {
     /// Gradients and volume.
@@ -35,7 +36,7 @@ pub struct Element {
 
 /// An element's 4×4 blocks and right-hand side; row and column 3 of a block are continuity and
 /// pressure.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ElementSystem {
     /// `matrix[4 i + j]`: block of test node i, trial node j.
     pub matrix: [[[f64; 4]; 4]; 16],
@@ -55,28 +56,31 @@ struct Parameters {
 
 impl Element {
     #[inline]
-    fn parameters(&self) -> Parameters {
-        let a: [f64; 3] = std::array::from_fn(|k| 0.25 * (0..4).map(|i| self.a[i][k]).sum::<f64>());
+    fn parameters(&self, fluid: &impl Region) -> Parameters {
+        let a = fluid.mean(&self.a);
         let nu = self.material.mu / self.material.rho;
         let (speed, h) = (norm(a), self.geometry.size());
         Parameters { a, tau: tau(self.dt, speed, h, nu), tau_c: tau_c(speed, h, nu), speed, h }
     }
 
-    /// Matrix, right-hand side and pressure operator.
+    /// Matrix, right-hand side and pressure operator, integrated over the fluid part, the pressure's
+    /// stabilisation over the whole element: R is constant in it, and so every node has a pressure equation
+    /// of ordinary size, however little fluid there is.
     #[inline]
-    pub fn system(&self) -> ElementSystem {
+    pub fn system(&self, fluid: &impl Region) -> ElementSystem {
         let Element { geometry, material, u, a, dt, theta } = self;
-        let (grad, v) = (&geometry.grad, geometry.volume);
+        let (grad, v) = (&geometry.grad, fluid.volume());
         let ElementMaterial { rho, mu, grad_mu, force } = *material;
-        let Parameters { a: am, tau, tau_c, speed, h } = self.parameters();
+        let Parameters { a: am, tau, tau_c, speed, h } = self.parameters(fluid);
         let old = 1.0 - theta;
 
         // What is known of R: everything with uⁿ, and the force.
         let du: [[f64; 3]; 3] =
             std::array::from_fn(|k| geometry.gradient(std::array::from_fn(|i| u[i][k])));
         let mut known = [0.0; 3];
+        let mean_u = fluid.mean(u);
         for k in 0..3 {
-            let mean = 0.25 * (u[0][k] + u[1][k] + u[2][k] + u[3][k]);
+            let mean = mean_u[k];
             let f = 0.25 * (force[0][k] + force[1][k] + force[2][k] + force[3][k]);
             let two_eps: [f64; 3] = std::array::from_fn(|b| du[k][b] + du[b][k]);
             known[k] = rho * (-mean / dt + old * dot(am, du[k])) - f - old * dot(two_eps, grad_mu);
@@ -84,37 +88,40 @@ impl Element {
 
         let s = grad.map(|g| dot(am, g));
         let g_mu = grad.map(|g| dot(grad_mu, g));
-        let sum_a: [f64; 3] = std::array::from_fn(|k| a[0][k] + a[1][k] + a[2][k] + a[3][k]);
-        let sum_u: [f64; 3] = std::array::from_fn(|k| u[0][k] + u[1][k] + u[2][k] + u[3][k]);
-        let pspg = tau / rho * v;
+        // Mean of each shape function.
+        let share: [f64; 4] = std::array::from_fn(|i| fluid.first(i) / v);
+        let pspg = tau / rho * geometry.volume;
         let supg = tau * v;
         let lsic = tau_c * rho * v;
         let visc = theta * mu * v;
-        let mass = rho * v / (20.0 * dt);
+        let mass = rho / dt;
         let dt_eff = 1.0 / (1.0 / dt + 2.0 * theta * speed / h);
-        let laplace = (dt_eff + tau) / rho * v;
+        let laplace = dt_eff / rho * v + pspg;
 
-        let mut system =
-            ElementSystem { matrix: [[[0.0; 4]; 4]; 16], rhs: [[0.0; 4]; 4], pressure: [0.0; 16] };
+        let mut system = ElementSystem::default();
         for i in 0..4 {
             let gi = &grad[i];
             // ∫N_i a
-            let ai: [f64; 3] = std::array::from_fn(|k| v / 20.0 * (sum_a[k] + a[i][k]));
+            let ai = fluid.weighted(i, a);
+            let ui = fluid.weighted(i, u);
+            let weight = fluid.first(i);
             for k in 0..3 {
                 let two_eps: [f64; 3] = std::array::from_fn(|b| du[k][b] + du[b][k]);
-                system.rhs[i][k] = mass * (sum_u[k] + u[i][k])
+                system.rhs[i][k] = mass * ui[k]
                     - old * (rho * dot(ai, du[k]) + mu * v * dot(two_eps, *gi))
-                    + 0.25 * v * force[i][k]
+                    + weight * force[i][k]
                     - supg * s[i] * known[k];
             }
             system.rhs[i][3] = -pspg * dot(*gi, known);
             for j in 0..4 {
                 let gj = &grad[j];
                 let gg = dot(*gi, *gj);
-                let same = if i == j { 2.0 } else { 1.0 };
                 // The trial function in R, without ∇μ's second part: ρ(N_j/Δt + θ a·∇N_j) − θ∇N_j·∇μ.
-                let r = rho * (0.25 / dt + theta * s[j]) - theta * g_mu[j];
-                let scalar = mass * same + theta * rho * dot(ai, *gj) + supg * s[i] * r + visc * gg;
+                let r = rho * (share[j] / dt + theta * s[j]) - theta * g_mu[j];
+                let scalar = mass * fluid.second(i, j)
+                    + theta * rho * dot(ai, *gj)
+                    + supg * s[i] * r
+                    + visc * gg;
                 let block = &mut system.matrix[4 * i + j];
                 for k in 0..3 {
                     for b in 0..3 {
@@ -122,8 +129,8 @@ impl Element {
                             - supg * s[i] * theta * gj[k] * grad_mu[b];
                     }
                     block[k][k] += scalar;
-                    block[k][3] = -0.25 * v * gi[k] + supg * s[i] * gj[k];
-                    block[3][k] = 0.25 * v * gj[k] + pspg * (gi[k] * r - theta * gg * grad_mu[k]);
+                    block[k][3] = -fluid.first(j) * gi[k] + supg * s[i] * gj[k];
+                    block[3][k] = weight * gj[k] + pspg * (gi[k] * r - theta * gg * grad_mu[k]);
                 }
                 block[3][3] = pspg * gg;
                 system.pressure[4 * i + j] = laplace * gg;
@@ -132,10 +139,11 @@ impl Element {
         system
     }
 
-    /// u' = (τ/ρ) R at the centroid, after the solve [m/s].
+    /// u' = (τ/ρ) R at the centroid, after the solve [m/s]; in the continuity equation it acts over the
+    /// whole element.
     #[inline]
-    pub fn fine_scale(&self, u_new: &[[f64; 3]; 4], p: &[f64; 4]) -> [f64; 3] {
-        let Parameters { a, tau, .. } = self.parameters();
+    pub fn fine_scale(&self, fluid: &impl Region, u_new: &[[f64; 3]; 4], p: &[f64; 4]) -> [f64; 3] {
+        let Parameters { a, tau, .. } = self.parameters(fluid);
         let ElementMaterial { rho, grad_mu, force, .. } = self.material;
         let grad_p = self.geometry.gradient(*p);
         let theta = self.theta;
@@ -144,8 +152,9 @@ impl Element {
                 theta * u_new[i][k] + (1.0 - theta) * self.u[i][k]
             }))
         });
+        let (new, old) = (fluid.mean(u_new), fluid.mean(&self.u));
         std::array::from_fn(|k| {
-            let change: f64 = (0..4).map(|i| u_new[i][k] - self.u[i][k]).sum::<f64>() * 0.25;
+            let change = new[k] - old[k];
             let f: f64 = (0..4).map(|i| force[i][k]).sum::<f64>() * 0.25;
             let two_eps: [f64; 3] = std::array::from_fn(|b| du[k][b] + du[b][k]);
             tau / rho
@@ -155,19 +164,14 @@ impl Element {
 
     /// ∫ ½ρ u² of nodal velocities [J].
     #[inline]
-    pub fn kinetic_energy(&self, u: &[[f64; 3]; 4]) -> f64 {
-        let mut square = 0.0;
-        for k in 0..3 {
-            let sum = u[0][k] + u[1][k] + u[2][k] + u[3][k];
-            square += sum * sum + u.iter().map(|u| u[k] * u[k]).sum::<f64>();
-        }
-        0.5 * self.material.rho * self.geometry.volume / 20.0 * square
+    pub fn kinetic_energy(&self, fluid: &impl Region, u: &[[f64; 3]; 4]) -> f64 {
+        let square: f64 = (0..4).map(|i| dot(u[i], fluid.weighted(i, u))).sum();
+        0.5 * self.material.rho * square
     }
 
     /// −∫ ρ g·x [J].
     #[inline]
-    pub fn potential_energy(&self, x: &[[f64; 3]; 4], g: [f64; 3]) -> f64 {
-        let height: f64 = x.iter().map(|&x| -dot(g, x)).sum::<f64>() * 0.25;
-        self.material.rho * self.geometry.volume * height
+    pub fn potential_energy(&self, fluid: &impl Region, x: &[[f64; 3]; 4], g: [f64; 3]) -> f64 {
+        -self.material.rho * dot(g, fluid.integral(x))
     }
 }

@@ -14,7 +14,8 @@ use super::multigrid::Multigrid;
 /// to others, have nothing but their diagonal entry.
 #[derive(Clone, Debug)]
 pub struct ViscousOperators {
-    /// `∫ (ρ/Δt) N_i N_j + θμ (∇N_i·∇N_j + ∂N_i/∂x_c ∂N_j/∂x_c)` for each component c.
+    /// The momentum matrix between equal components c: `∫ (ρ/Δt) N_i N_j + θμ (∇N_i·∇N_j + ∂N_i/∂x_c ∂N_j/∂x_c)`
+    /// and what else it has.
     pub velocity: [BlockCsr<1>; 3],
     /// `1 / ∫ N_i/θμ` of each owned node [Pa s/m³]; zero where the pressure is given.
     pub pressure: Vec<f64>,

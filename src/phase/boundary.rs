@@ -1,6 +1,8 @@
 //! `∮ N_i φ* u·n` over one boundary face, chord φ_h and rest w(σ(ψ_h/δ) − φ_h) apart.
 
 use super::profile::{Profile, sigmoid};
+use crate::cut::tetrahedron::split_triangle;
+use crate::cut::{Cell, CutMesh};
 use crate::fem::quadrature::TRIANGLE_QUARTIC;
 use crate::fem::{dot, triangle_normal};
 use crate::mesh::{BoundaryFace, MeshPart};
@@ -14,9 +16,10 @@ pub struct FaceFlux {
     pub excess: [f64; 3],
 }
 
-/// Through a face of an element whose profile weight is `w`.
+/// Through the fluid part of a face of an element whose profile weight is `w`.
 pub fn face_flux(
     part: &MeshPart,
+    cut: &CutMesh,
     face: &BoundaryFace,
     velocity: &[[f64; 3]],
     profile: &Profile,
@@ -29,14 +32,28 @@ pub fn face_flux(
         return flux;
     }
     let nodes = face.nodes.map(|n| profile.nodes[n as usize]);
-    for (l, weight) in TRIANGLE_QUARTIC {
-        let at = |f: [f64; 3]| l[0] * f[0] + l[1] * f[1] + l[2] * f[2];
-        let chord = at(nodes.map(|n| n.phi));
-        let excess = if w > 0.0 { w * (sigmoid(at(nodes.map(|n| n.s))) - chord) } else { 0.0 };
-        let carried = weight * at(un);
-        for i in 0..3 {
-            flux.chord[i] += carried * l[i] * chord;
-            flux.excess[i] += carried * l[i] * excess;
+    let mut add = |share: f64, corners: [[f64; 3]; 3]| {
+        for (m, weight) in TRIANGLE_QUARTIC {
+            let l: [f64; 3] = std::array::from_fn(|i| (0..3).map(|c| m[c] * corners[c][i]).sum());
+            let at = |f: [f64; 3]| l[0] * f[0] + l[1] * f[1] + l[2] * f[2];
+            let chord = at(nodes.map(|n| n.phi));
+            let excess = if w > 0.0 { w * (sigmoid(at(nodes.map(|n| n.s))) - chord) } else { 0.0 };
+            let carried = share * weight * at(un);
+            for i in 0..3 {
+                flux.chord[i] += carried * l[i] * chord;
+                flux.excess[i] += carried * l[i] * excess;
+            }
+        }
+    };
+    match cut.cell(face.element as usize) {
+        Cell::Solid => {}
+        Cell::Whole => add(1.0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        Cell::Cut(_) => {
+            let d = face.nodes.map(|n| cut.distance[n as usize]);
+            for piece in split_triangle(&d) {
+                let [a, b, c] = piece;
+                add(dot(a, crate::cut::surface::cross(b, c)).abs(), piece);
+            }
         }
     }
     flux
@@ -57,7 +74,7 @@ mod tests {
             profile.set(&phi, false);
             let (mut chord, mut excess) = (0.0, 0.0);
             for face in part.mesh.boundary.iter().filter(|f| f.name == 1) {
-                let flux = face_flux(&part, face, &u, &profile, 1.0);
+                let flux = face_flux(&part, &CutMesh::whole(), face, &u, &profile, 1.0);
                 chord += flux.chord.iter().sum::<f64>();
                 excess += flux.excess.iter().sum::<f64>();
             }

@@ -4,7 +4,9 @@ use super::boundary::face_flux;
 use super::profile::{moments, tangent};
 use super::transport::Given;
 use super::{Form, Phase};
+use crate::cut::{Cell, CutMesh};
 use crate::fem::dot;
+use crate::fem::region::{Region, Whole};
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
 
@@ -19,11 +21,17 @@ struct Convection {
 
 impl Convection {
     #[inline]
-    fn new(t: &Tetrahedron, u: [[f64; 3]; 4], fine: [f64; 3], dt: f64) -> Self {
+    fn new(
+        t: &Tetrahedron,
+        fluid: &impl Region,
+        u: [[f64; 3]; 4],
+        fine: [f64; 3],
+        dt: f64,
+    ) -> Self {
         let u = u.map(|u| [u[0] - fine[0], u[1] - fine[1], u[2] - fine[2]]);
         let b = u.map(|u| t.grad.map(|g| dot(u, g)));
-        let mean = std::array::from_fn(|j| 0.25 * (b[0][j] + b[1][j] + b[2][j] + b[3][j]));
-        let um = std::array::from_fn(|c| 0.25 * (u[0][c] + u[1][c] + u[2][c] + u[3][c]));
+        let um = fluid.mean(&u);
+        let mean = t.grad.map(|g| dot(um, g));
         let h = t.size();
         let tau = 1.0 / (4.0 / (dt * dt) + 4.0 * dot(um, um) / (h * h)).sqrt();
         Self { b, mean, tau }
@@ -32,38 +40,62 @@ impl Convection {
 
 /// The matrix for φ* = φ_h, rows divided by the lumped mass, and Δt (C + K) φⁿ in `constant`, with the
 /// diffusion γδ of the forms that have it.
-pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
+pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>) {
+    phase.solver.matrix.clear();
+    phase.solver.constant.fill(0.0);
+    for e in 0..part.mesh.tets.len() {
+        let t = Tetrahedron::of(&part.mesh, e);
+        match cut.cell(e) {
+            Cell::Whole => add_element(phase, part, given, e, &t, &Whole(t.volume)),
+            Cell::Cut(c) => add_element(phase, part, given, e, &t, &c.pieces.fluid),
+            Cell::Solid => {}
+        }
+    }
+}
+
+#[inline]
+fn add_element(
+    phase: &mut Phase,
+    part: &MeshPart,
+    given: &Given<'_>,
+    e: usize,
+    t: &Tetrahedron,
+    fluid: &impl Region,
+) {
     let (n_owned, dt) = (part.n_owned(), given.dt);
     let gamma_delta = if phase.form == Form::Psi { 0.0 } else { given.speed * phase.delta };
+    let n = part.mesh.tets[e].map(|n| n as usize);
+    let c = Convection::new(t, fluid, n.map(|n| given.velocity[n]), given.fine_scale[e], dt);
+    let phi = n.map(|n| phase.phi[n]);
     let s = &mut phase.solver;
-    s.matrix.clear();
-    s.constant.fill(0.0);
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
-        let n = tet.map(|n| n as usize);
-        let t = Tetrahedron::of(&part.mesh, e);
-        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], dt);
-        let phi = n.map(|n| phase.phi[n]);
-        let grad = t.gradient(phi);
-        let m = (1.0 / 20.0) * t.volume;
-        let diffusion = gamma_delta * t.volume;
-        let along: f64 = (0..4).map(|j| c.mean[j] * phi[j]).sum();
-        for i in 0..4 {
-            if n[i] >= n_owned {
-                continue;
-            }
-            let supg = t.volume * c.tau * c.mean[i];
-            let galerkin: f64 = (0..4).map(|j| (4.0 * c.mean[j] + c.b[i][j]) * phi[j]).sum();
-            s.constant[n[i]] +=
-                dt * (m * galerkin + supg * along + diffusion * dot(t.grad[i], grad));
-            let scale = phase.inverse_lumped[n[i]];
-            for j in 0..4 {
-                let mass = if i == j { 2.0 * m } else { m } + 0.25 * supg;
-                let space = m * (4.0 * c.mean[j] + c.b[i][j])
-                    + supg * c.mean[j]
-                    + diffusion * dot(t.grad[i], t.grad[j]);
-                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] +=
-                    scale * (mass + 0.5 * dt * space);
-            }
+    let grad = t.gradient(phi);
+    let volume = fluid.volume();
+    let diffusion = gamma_delta * volume;
+    let along: f64 = (0..4).map(|j| c.mean[j] * phi[j]).sum();
+    // In the flow's continuity equation u' acts over the whole element. What it carries through the part that
+    // is not fluid goes to the nodes by their mass: so ∫φ is kept, and small nodes are not overrun.
+    let hidden = t.volume - volume;
+    let around: f64 = n.iter().map(|&n| phase.lumped[n]).sum();
+    let fine = t.grad.map(|g| dot(given.fine_scale[e], g));
+    for i in 0..4 {
+        if n[i] >= n_owned {
+            continue;
+        }
+        let supg = volume * c.tau * c.mean[i];
+        // ∫ N_i ũ·∇N_j
+        let mut convection = fluid.weighted(i, &c.b);
+        if hidden > 0.0 {
+            let share = phase.lumped[n[i]] / around * hidden;
+            convection = std::array::from_fn(|j| convection[j] - share * fine[j]);
+        }
+        let galerkin: f64 = (0..4).map(|j| convection[j] * phi[j]).sum();
+        s.constant[n[i]] += dt * (galerkin + supg * along + diffusion * dot(t.grad[i], grad));
+        let scale = phase.inverse_lumped[n[i]];
+        for j in 0..4 {
+            let mass = fluid.second(i, j) + c.tau * c.mean[i] * fluid.first(j);
+            let space = convection[j] + supg * c.mean[j] + diffusion * dot(t.grad[i], t.grad[j]);
+            s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] +=
+                scale * (mass + 0.5 * dt * space);
         }
     }
 }
@@ -77,7 +109,7 @@ pub(super) enum Level {
     New,
 }
 
-/// The profile's part at the level `phase.profile` is of, added to `out` (owned rows): half the
+/// The profile's part (of whole elements: where a structure cuts, φ* = φ_h) at the level `phase.profile` is of, added to `out` (owned rows): half the
 /// step's fluxes and SUPG, and the masses as `level` says.
 pub(super) fn add_profile(
     phase: &mut Phase,
@@ -100,7 +132,13 @@ pub(super) fn add_profile(
         let n = tet.map(|n| n as usize);
         let p = moments(nodes, w);
         let t = Tetrahedron::of(&part.mesh, e);
-        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], given.dt);
+        let c = Convection::new(
+            &t,
+            &Whole(t.volume),
+            n.map(|n| given.velocity[n]),
+            given.fine_scale[e],
+            given.dt,
+        );
         // ∫ ũ_e·(∇φ* − ∇φ_h) over the unit volume.
         let along: f64 =
             (0..4).map(|j| c.mean[j] * (p.slope * nodes[j].s - w * nodes[j].phi)).sum();
@@ -117,7 +155,8 @@ pub(super) fn add_profile(
         if w == 0.0 {
             continue;
         }
-        let flux = face_flux(part, face, given.velocity, &phase.profile, w).excess;
+        let flux =
+            face_flux(part, &CutMesh::whole(), face, given.velocity, &phase.profile, w).excess;
         for (&i, f) in face.nodes.iter().zip(flux) {
             if (i as usize) < n_owned {
                 out[i as usize] += half * f;
@@ -139,7 +178,13 @@ pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>)
         let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
         let n = tet.map(|n| n as usize);
         let t = Tetrahedron::of(&part.mesh, e);
-        let c = Convection::new(&t, n.map(|n| given.velocity[n]), given.fine_scale[e], given.dt);
+        let c = Convection::new(
+            &t,
+            &Whole(t.volume),
+            n.map(|n| given.velocity[n]),
+            given.fine_scale[e],
+            given.dt,
+        );
         let p = tangent(nodes, w);
         let g = p.excess;
         let along: f64 = (0..4).map(|j| c.mean[j] * nodes[j].s).sum();

@@ -10,7 +10,9 @@
 //! convective step and why it conserves · `convection` its elements · `boundary` flux through faces · `inflow` φ prescribed · `regularise` R in ψ form ·
 //! `plain` R as the paper has it · `water` connected bodies · `volume` correction and ledger.
 //!
-//! May name `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
+//! Where a structure cuts an element, its integrals run over the fluid part and φ* = φ_h.
+//!
+//! May name `cut`, `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
 
 mod boundary;
 mod convection;
@@ -26,6 +28,7 @@ pub mod volume;
 pub mod water;
 
 use crate::case::{self, FreeSurface, Regularisation, VolumeCorrection};
+use crate::cut::{Cell, CutMesh};
 use crate::fem::dot;
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
@@ -98,6 +101,7 @@ impl Phase {
     /// crosses them is booked, what leaks through others is not. Collective.
     pub fn new(
         part: &MeshPart,
+        cut: &CutMesh,
         settings: &FreeSurface,
         solver: &case::Solver,
         cell: f64,
@@ -106,14 +110,6 @@ impl Phase {
     ) -> Self {
         let n = part.n_local();
         assert_eq!(phi.len(), n, "a value of φ for each local node");
-        let mut lumped = vec![0.0; n];
-        for (e, tet) in part.mesh.tets.iter().enumerate() {
-            let quarter = 0.25 * Tetrahedron::of(&part.mesh, e).volume;
-            for &i in tet {
-                lumped[i as usize] += quarter;
-            }
-        }
-        part.exchange.update_ghosts(&mut lumped);
         let mut phase = Self {
             delta: delta(settings, cell),
             cell,
@@ -131,9 +127,9 @@ impl Phase {
             ledger: Ledger::default(),
             excess: vec![0.0; n],
             inflow: vec![0.0; n],
-            inverse_lumped: lumped.iter().map(|m| 1.0 / m).collect(),
-            lumped,
-            stiffness: regularise::stiffness(&part.mesh),
+            inverse_lumped: Vec::new(),
+            lumped: Vec::new(),
+            stiffness: Vec::new(),
             solver: transport::Solver::new(part),
             profile: Profile::default(),
             before: phi.clone(),
@@ -142,10 +138,39 @@ impl Phase {
             band: Vec::new(),
             phi,
         };
-        phase.open_ledger(part);
+        phase.set_geometry(part, cut);
+        phase.open_ledger(part, cut);
         // `volume` has left the profile's part here.
         phase.excess.copy_from_slice(&phase.solver.excess);
         phase
+    }
+
+    /// Takes over which parts of the elements are fluid. Collective.
+    fn set_geometry(&mut self, part: &MeshPart, cut: &CutMesh) {
+        // Volume around each node, and ∫N_i.
+        let mut sums = vec![[0.0; 2]; part.n_local()];
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            let mut add = |volume: f64, first: [f64; 4]| {
+                for (&n, first) in tet.iter().zip(first) {
+                    let sum = &mut sums[n as usize];
+                    *sum = [sum[0] + volume, sum[1] + first];
+                }
+            };
+            match cut.cell(e) {
+                Cell::Whole => {
+                    let volume = Tetrahedron::of(&part.mesh, e).volume;
+                    add(volume, [0.25 * volume; 4]);
+                }
+                Cell::Cut(c) => add(c.pieces.fluid.size, c.pieces.fluid.first),
+                Cell::Solid => {}
+            }
+        }
+        part.exchange.update_ghosts(&mut sums);
+        let inverse = |m: f64| if m > 0.0 { 1.0 / m } else { 0.0 };
+        self.lumped = sums.iter().map(|s| s[1]).collect();
+        self.inverse_lumped = sums.iter().map(|s| inverse(s[1])).collect();
+        let ratio: Vec<f64> = sums.iter().map(|s| s[0] * inverse(s[1])).collect();
+        self.stiffness = regularise::stiffness(&part.mesh, &ratio);
     }
 
     /// One step of length `dt` with the velocity at its middle. Collective.
@@ -159,6 +184,7 @@ impl Phase {
     pub fn advance(
         &mut self,
         part: &MeshPart,
+        cut: &CutMesh,
         dt: f64,
         velocity: &[[f64; 3]],
         fine_scale: &[[f64; 3]],
@@ -170,9 +196,9 @@ impl Phase {
             .fold(0.0, f64::max);
         let speed = self.mobility * part.max(top).sqrt();
         let given = Given { dt, velocity, fine_scale, inflow, speed };
-        let mut report = transport::step(self, part, &given)?;
+        let mut report = transport::step(self, part, cut, &given)?;
         if self.form == Form::Psi {
-            report.sub_steps = regularise::sub_steps(self, part, dt, speed);
+            report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
         Ok(report)
     }

@@ -7,15 +7,26 @@
 //! rest, would act alone.
 
 use super::profile::Profile;
+use crate::cut::CutMesh;
 use crate::fem::norm;
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
 
 /// `out_i −= c ∫ ∇N_i·n φ(1−φ)`, n = ∇φ/|∇φ|; owned rows.
-pub(super) fn compression(part: &MeshPart, profile: &Profile, c: f64, out: &mut [f64]) {
+pub(super) fn compression(
+    part: &MeshPart,
+    cut: &CutMesh,
+    profile: &Profile,
+    c: f64,
+    out: &mut [f64],
+) {
     for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let volume = cut.fluid_volume(&part.mesh, e);
+        if volume == 0.0 {
+            continue;
+        }
         let n = tet.map(|n| &profile.nodes[n as usize]);
-        // Exact for P1: ∫ φ_h(1−φ_h).
+        // Exact for P1 on a whole element: ∫ φ_h(1−φ_h).
         let sum = n[0].phi + n[1].phi + n[2].phi + n[3].phi;
         let squares: f64 = n.iter().map(|n| n.phi * n.phi).sum();
         let q = 0.25 * sum - 0.05 * (sum * sum + squares);
@@ -28,7 +39,7 @@ pub(super) fn compression(part: &MeshPart, profile: &Profile, c: f64, out: &mut 
         if size == 0.0 {
             continue;
         }
-        let flux = c * q * t.volume / size;
+        let flux = c * q * volume / size;
         for i in 0..4 {
             let at = tet[i] as usize;
             if at < part.n_owned() {

@@ -30,6 +30,7 @@ use super::convection::{Level, add_profile, add_tangent, assemble};
 use super::plain;
 use super::profile::{OUTER, profile_weight};
 use super::{Form, Phase};
+use crate::cut::{Cell, CutMesh};
 use crate::linear::block_csr::ElementSlots;
 use crate::linear::relaxation::SymmetricGaussSeidel;
 use crate::linear::{
@@ -127,6 +128,7 @@ impl Solver {
 pub(super) fn step(
     phase: &mut Phase,
     part: &MeshPart,
+    cut: &CutMesh,
     given: &Given<'_>,
 ) -> Result<Transport, Diverged> {
     let n_owned = part.n_owned();
@@ -139,16 +141,20 @@ pub(super) fn step(
 
     phase.before.copy_from_slice(&phase.phi);
     phase.profile.set(&phase.phi, phase.profile_correction);
-    assemble(phase, part, given);
+    assemble(phase, part, cut, given);
     phase.solver.chord.clone_from(&phase.solver.matrix.values);
     let mut constant = std::mem::take(&mut phase.solver.constant);
     if phase.profile_correction {
-        for (w, tet) in phase.solver.weight.iter_mut().zip(&part.mesh.tets) {
-            *w = phase.profile.in_band(tet).map_or(0.0, profile_weight) as f32;
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            let weight = match cut.cell(e) {
+                Cell::Whole => phase.profile.in_band(tet).map_or(0.0, profile_weight),
+                _ => 0.0,
+            };
+            phase.solver.weight[e] = weight as f32;
         }
         add_profile(phase, part, given, Level::Old, &mut constant);
     }
-    add_plain(phase, part, given, &mut constant);
+    add_plain(phase, part, cut, given, &mut constant);
     for i in 0..n_owned {
         constant[i] -= phase.excess[i];
     }
@@ -162,7 +168,7 @@ pub(super) fn step(
     let mut report = Transport { speed: given.speed, ..Transport::default() };
     let (mut target, mut newton, mut last) = (FLOOR, phase.profile_correction, false);
     loop {
-        residual(phase, part, given);
+        residual(phase, part, cut, given);
         let s = &mut phase.solver;
         let product = OwnedProduct::plain::<1>(&s.halo);
         let size = product.dot(&s.residual, &s.residual).sqrt();
@@ -181,7 +187,7 @@ pub(super) fn step(
         if last || size <= target || report.passes == passes {
             break;
         }
-        set_matrix(phase, part, given, newton);
+        set_matrix(phase, part, cut, given, newton);
         let s = &mut phase.solver;
         let product = OwnedProduct::plain::<1>(&s.halo);
         let settings = KrylovSettings {
@@ -217,7 +223,7 @@ pub(super) fn step(
         let left = phase.solver.residual[i] * phase.lumped[i];
         phase.excess[i] = phase.solver.excess[i] - left;
     }
-    book_inflow(phase, part, given);
+    book_inflow(phase, part, cut, given);
     Ok(report)
 }
 
@@ -234,7 +240,7 @@ fn bounded(phi: f64, change: f64, old: f64) -> f64 {
 }
 
 /// Residual at `phase.phi`, rows divided by the lumped mass: a change of φ. Zero where φ is given.
-fn residual(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
+fn residual(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>) {
     let n_owned = part.n_owned();
     let mut r = std::mem::take(&mut phase.solver.residual);
     r[..n_owned].copy_from_slice(&phase.solver.constant[..n_owned]);
@@ -248,7 +254,7 @@ fn residual(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
             r[i] += phase.solver.excess[i];
         }
     }
-    add_plain(phase, part, given, &mut r);
+    add_plain(phase, part, cut, given, &mut r);
     let s = &mut phase.solver;
     for ((d, new), old) in s.difference.iter_mut().zip(&phase.phi).zip(&phase.before) {
         *d = new - old;
@@ -266,11 +272,11 @@ fn residual(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
 }
 
 /// The paper's regularisation at the level `phase.profile` is of, half a step of it.
-fn add_plain(phase: &Phase, part: &MeshPart, given: &Given<'_>, out: &mut [f64]) {
+fn add_plain(phase: &Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, out: &mut [f64]) {
     let gamma = 0.5 * given.dt * given.speed;
     match phase.form {
         Form::Psi => {}
-        Form::Plain => plain::compression(part, &phase.profile, gamma, out),
+        Form::Plain => plain::compression(part, cut, &phase.profile, gamma, out),
         Form::Curvature => {
             let rows = &mut out[..part.n_owned()];
             plain::reaction(&phase.profile, &phase.lumped, gamma / phase.delta, rows);
@@ -278,15 +284,17 @@ fn add_plain(phase: &Phase, part: &MeshPart, given: &Given<'_>, out: &mut [f64])
     }
 }
 
-/// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ become
-/// φ_i = given. The preconditioner follows.
-fn set_matrix(phase: &mut Phase, part: &MeshPart, given: &Given<'_>, newton: bool) {
+/// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ, and of
+/// nodes without fluid, become φ_i = given. The preconditioner follows.
+fn set_matrix(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, newton: bool) {
     phase.solver.matrix.values.clone_from(&phase.solver.chord);
     if newton {
         add_tangent(phase, part, given);
     }
     let Solver { matrix, smoother, .. } = &mut phase.solver;
-    for i in given.inflow.iter().map(|&(i, _)| i as usize).filter(|&i| i < part.n_owned()) {
+    let given = given.inflow.iter().map(|&(i, _)| i);
+    let fixed = given.chain(cut.dry_nodes.iter().copied()).map(|i| i as usize);
+    for i in fixed.filter(|&i| i < part.n_owned()) {
         for at in matrix.row(i) {
             matrix.values[at] = [[0.0]];
         }
@@ -298,7 +306,7 @@ fn set_matrix(phase: &mut Phase, part: &MeshPart, given: &Given<'_>, newton: boo
 
 /// Liquid that came in at each owned node over the step: `−Δt ∮ N_i φ* u·n` over the open faces, mean
 /// of both levels.
-fn book_inflow(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
+fn book_inflow(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>) {
     phase.inflow.fill(0.0);
     if phase.open_faces.is_empty() {
         return;
@@ -308,7 +316,7 @@ fn book_inflow(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
         for &f in &phase.open_faces {
             let face = &part.mesh.boundary[f as usize];
             let w = f64::from(phase.solver.weight[face.element as usize]);
-            let flux = face_flux(part, face, given.velocity, &phase.profile, w);
+            let flux = face_flux(part, cut, face, given.velocity, &phase.profile, w);
             for (i, &node) in face.nodes.iter().enumerate() {
                 if (node as usize) < part.n_owned() {
                     phase.inflow[node as usize] -=

@@ -15,6 +15,7 @@ use super::Phase;
 use super::profile::{OUTER, logit, moments, profile_weight, sigmoid};
 use super::water::{NONE, bodies_of_water, contacts, root};
 use crate::case::VolumeCorrection;
+use crate::cut::{Cell, CutMesh};
 use crate::mesh::MeshPart;
 use std::collections::BTreeMap;
 
@@ -77,7 +78,7 @@ pub struct VolumeReport {
 
 /// Liquid volume of each owned node, `m_i φ_i + ∫N_i(φ*−φ_h)`, from `phase.profile`; its profile part is
 /// left in `phase.solver.excess`.
-fn nodal_volume(phase: &mut Phase, part: &MeshPart, out: &mut Vec<f64>) {
+fn nodal_volume(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, out: &mut Vec<f64>) {
     let n_owned = part.n_owned();
     phase.profile.set(&phase.phi, phase.profile_correction);
     let excess = &mut phase.solver.excess;
@@ -85,6 +86,9 @@ fn nodal_volume(phase: &mut Phase, part: &MeshPart, out: &mut Vec<f64>) {
     if phase.profile_correction {
         for (e, tet) in part.mesh.tets.iter().enumerate() {
             let Some(nodes) = phase.profile.in_band(tet) else { continue };
+            if !matches!(cut.cell(e), Cell::Whole) {
+                continue;
+            }
             let p = moments(nodes, profile_weight(nodes));
             let volume = crate::mesh::tetrahedron::Tetrahedron::of(&part.mesh, e).volume;
             for i in 0..4 {
@@ -98,17 +102,17 @@ fn nodal_volume(phase: &mut Phase, part: &MeshPart, out: &mut Vec<f64>) {
 
 impl Phase {
     /// ∫φ* over the domain (∫φ_h without profile correction) [m³]. Collective.
-    pub fn volume(&mut self, part: &MeshPart) -> f64 {
+    pub fn volume(&mut self, part: &MeshPart, cut: &CutMesh) -> f64 {
         let mut volumes = std::mem::take(&mut self.nodal_volume);
-        nodal_volume(self, part, &mut volumes);
+        nodal_volume(self, part, cut, &mut volumes);
         let volume = part.sum(volumes.iter().sum());
         self.nodal_volume = volumes;
         volume
     }
 
     /// Opens the accounts for the present φ.
-    pub(super) fn open_ledger(&mut self, part: &MeshPart) {
-        let volume = self.volume(part);
+    pub(super) fn open_ledger(&mut self, part: &MeshPart, cut: &CutMesh) {
+        let volume = self.volume(part, cut);
         self.ledger = Ledger { target: volume, ..Ledger::default() };
         match self.volume_correction {
             VolumeCorrection::Off => {}
@@ -120,14 +124,14 @@ impl Phase {
                 self.ledger.spray = volume;
                 self.ledger.names = vec![NONE; part.n_local()];
                 self.inflow.fill(0.0);
-                self.follow_bodies(part);
+                self.follow_bodies(part, cut);
             }
         }
     }
 
     /// Books the inflow of the last `advance` and corrects the volume. Collective.
-    pub fn restore_volume(&mut self, part: &MeshPart) -> VolumeReport {
-        let before = self.volume(part);
+    pub fn restore_volume(&mut self, part: &MeshPart, cut: &CutMesh) -> VolumeReport {
+        let before = self.volume(part, cut);
         let inflow = part.sum(self.inflow[..part.n_owned()].iter().sum());
         self.ledger.target += inflow;
         let mut report = VolumeReport {
@@ -140,13 +144,13 @@ impl Phase {
             VolumeCorrection::Off => {}
             VolumeCorrection::Global => self.ledger.bodies[0].target += inflow,
             VolumeCorrection::PerBody => {
-                self.follow_bodies(part);
+                self.follow_bodies(part, cut);
                 report.bodies = self.ledger.bodies.len() as u32;
             }
         }
         self.inflow.fill(0.0);
         if !self.ledger.bodies.is_empty() {
-            (report.volume, report.shift) = self.shift_bodies(part);
+            (report.volume, report.shift) = self.shift_bodies(part, cut);
             report.correction = report.volume - before;
             self.ledger.corrected += report.correction;
         }
@@ -158,8 +162,8 @@ impl Phase {
 
     /// New bodies inherit the targets of the old ones their nodes belonged to; `nodal_volume` and
     /// `inflow` are those of the present φ and the last step.
-    fn follow_bodies(&mut self, part: &MeshPart) {
-        let names = bodies_of_water(part, &self.solver.matrix, &self.phi);
+    fn follow_bodies(&mut self, part: &MeshPart, cut: &CutMesh) {
+        let names = bodies_of_water(part, cut, &self.solver.matrix, &self.phi);
         // (old, new) → present volume, its positive part (shares must be), inflow.
         let mut shared = BTreeMap::<(u64, u64), [f64; 3]>::new();
         for i in 0..part.n_owned() {
@@ -210,7 +214,7 @@ impl Phase {
             }
             spray = spray_now;
         }
-        self.share_within_contacts(part, &names, &present, &mut target);
+        self.share_within_contacts(part, cut, &names, &present, &mut target);
         self.ledger.bodies =
             target.into_iter().map(|(name, target)| Body { name, target }).collect();
         self.ledger.spray = spray;
@@ -222,6 +226,7 @@ impl Phase {
     fn share_within_contacts(
         &self,
         part: &MeshPart,
+        cut: &CutMesh,
         names: &[u64],
         present: &BTreeMap<u64, f64>,
         target: &mut BTreeMap<u64, f64>,
@@ -229,7 +234,7 @@ impl Phase {
         let bodies: Vec<u64> = target.keys().copied().collect();
         let index = |name| bodies.binary_search(&name).expect("every named body has an account");
         let mut parent: Vec<u32> = (0..bodies.len() as u32).collect();
-        for (a, b) in contacts(part, &self.solver.matrix, names) {
+        for (a, b) in contacts(part, cut, &self.solver.matrix, names) {
             let (a, b) = (root(&mut parent, index(a) as u32), root(&mut parent, index(b) as u32));
             parent[a.max(b) as usize] = a.min(b);
         }
@@ -248,7 +253,7 @@ impl Phase {
     }
 
     /// Shifts ψ until every body has its target; returns the total volume and the largest shift.
-    fn shift_bodies(&mut self, part: &MeshPart) -> (f64, f64) {
+    fn shift_bodies(&mut self, part: &MeshPart, cut: &CutMesh) -> (f64, f64) {
         let n = self.ledger.bodies.len();
         let largest = LARGEST_SHIFT * self.cell;
         // Owned nodes that may be shifted: (node, body, ψ/δ).
@@ -312,7 +317,7 @@ impl Phase {
                 }
             }
             part.exchange.update_ghosts(&mut self.phi);
-            nodal_volume(self, part, &mut volumes);
+            nodal_volume(self, part, cut, &mut volumes);
             iteration += 1;
         };
         for i in 0..part.n_owned() {
@@ -355,7 +360,15 @@ mod tests {
         let settings =
             FreeSurface { volume_correction: correction, thickness: Some(0.025), ..SETTINGS };
         let phi = field(&part, spheres);
-        let phase = Phase::new(&part, &settings, &solver(1e-6), 1.0 / 12.0, phi, Vec::new());
+        let phase = Phase::new(
+            &part,
+            &CutMesh::whole(),
+            &settings,
+            &solver(1e-6),
+            1.0 / 12.0,
+            phi,
+            Vec::new(),
+        );
         (part, phase)
     }
 
@@ -369,11 +382,11 @@ mod tests {
             let (part, mut phase) = drops(correction, &[(0.35, 0.25), (1.65, 0.25)]);
             let target = phase.ledger.target;
             phase.phi = field(&part, &[(0.35, 0.247), (1.65, 0.25)]);
-            let report = phase.restore_volume(&part);
+            let report = phase.restore_volume(&part, &CutMesh::whole());
             assert!(report.error < -1e-3 * target);
             assert!((report.volume / target - 1.0).abs() < 1e-12, "{report:?}");
             assert!((report.correction + report.error).abs() < 1e-12 * target);
-            assert!((phase.volume(&part) - report.volume).abs() < 1e-15);
+            assert!((phase.volume(&part, &CutMesh::whole()) - report.volume).abs() < 1e-15);
             if correction == VolumeCorrection::PerBody {
                 // The second drop lost nothing and gets nothing.
                 let exact = field(&part, &[(0.35, 0.25), (1.65, 0.25)]);
@@ -392,7 +405,8 @@ mod tests {
         let (part, mut phase) = drops(VolumeCorrection::Global, &[(0.5, 0.3)]);
         phase.phi = field(&part, &[(0.5, 0.28)]);
         let h = phase.cell;
-        let reports: Vec<_> = (0..4).map(|_| phase.restore_volume(&part)).collect();
+        let reports: Vec<_> =
+            (0..4).map(|_| phase.restore_volume(&part, &CutMesh::whole())).collect();
         assert!((reports[0].shift - 0.1 * h).abs() < 1e-15);
         assert!(reports[0].volume < reports[0].target * 0.99);
         assert!((reports[3].volume / reports[3].target - 1.0).abs() < 1e-12);
@@ -410,13 +424,13 @@ mod tests {
         let sum: f64 = before.iter().sum();
         // The bridge is water that was not there: it will be taken away again.
         phase.phi = field(&part, &[(0.5, 0.3), (0.9, 0.15), (1.2, 0.15), (1.5, 0.2)]);
-        phase.restore_volume(&part);
+        phase.restore_volume(&part, &CutMesh::whole());
         let merged = targets(&phase);
         assert_eq!(merged.len(), 1);
         assert!((merged[0] / sum - 1.0).abs() < 1e-3);
         assert!((merged[0] + phase.ledger.spray - phase.ledger.target).abs() < 1e-14);
         phase.phi = field(&part, &apart);
-        phase.restore_volume(&part);
+        phase.restore_volume(&part, &CutMesh::whole());
         let parted = targets(&phase);
         assert_eq!(parted.len(), 2);
         assert!((parted[0] + parted[1] + phase.ledger.spray - phase.ledger.target).abs() < 1e-14);
@@ -432,7 +446,7 @@ mod tests {
         assert!(before[1] < SMALLEST * phase.cell.powi(3));
         let lost = field(&part, &[(0.5, 0.3), (1.5, 0.13)]);
         phase.phi.clone_from(&lost);
-        let report = phase.restore_volume(&part);
+        let report = phase.restore_volume(&part, &CutMesh::whole());
         assert!(report.correction.abs() < 1e-4 * before[0], "{report:?}");
         assert!((targets(&phase)[1] / before[1] - 1.0).abs() < 1e-2, "its target is kept");
         // It disperses: what is left of it is spray, what is missing is owed by the body.
@@ -441,7 +455,7 @@ mod tests {
                 *phi *= 0.4;
             }
         }
-        phase.restore_volume(&part);
+        phase.restore_volume(&part, &CutMesh::whole());
         assert_eq!(phase.ledger.bodies.len(), 1);
         assert!(phase.ledger.spray > 0.1 * before[1]);
         let sum = phase.ledger.bodies[0].target + phase.ledger.spray;

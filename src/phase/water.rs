@@ -1,4 +1,4 @@
-//! Connected bodies of water: nodes with φ > ½ joined by element edges, and the band around each.
+//! Connected bodies of water: nodes with φ > ½ joined by element edges (that do not run inside a structure), and the band around each.
 //!
 //! A body's name is its smallest global node number, so it does not depend on the ranks. Names are
 //! found by union-find on each rank, then by passing owners' names to ghosts until nothing changes: an
@@ -6,6 +6,7 @@
 //! node layer by node layer, each node joining its wettest named neighbour.
 
 use super::profile::OUTER;
+use crate::cut::CutMesh;
 use crate::linear::BlockCsr;
 use crate::mesh::MeshPart;
 use std::collections::BTreeSet;
@@ -14,9 +15,14 @@ use std::collections::BTreeSet;
 pub const NONE: u64 = u64::MAX;
 
 /// The body of each local node. Collective.
-pub fn bodies_of_water(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
-    let mut names = connected(part, graph, phi);
-    add_band(part, graph, phi, &mut names);
+pub fn bodies_of_water(
+    part: &MeshPart,
+    cut: &CutMesh,
+    graph: &BlockCsr<1>,
+    phi: &[f64],
+) -> Vec<u64> {
+    let mut names = connected(part, cut, graph, phi);
+    add_band(part, cut, graph, phi, &mut names);
     names
 }
 
@@ -29,9 +35,9 @@ pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
     i
 }
 
-fn connected(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
+fn connected(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
     let n = part.n_local();
-    let wet = |i: usize| phi[i] > 0.5;
+    let wet = |i: usize| phi[i] > 0.5 && cut.is_in_fluid(i);
     let mut parent: Vec<u32> = (0..n as u32).collect();
     for i in (0..part.n_owned()).filter(|&i| wet(i)) {
         for &j in &graph.columns[graph.row(i)] {
@@ -63,12 +69,13 @@ fn connected(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
     }
 }
 
-fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {
+fn add_band(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {
+    // Nodes inside a structure are like the band: they go with the fluid next to them.
     let mut dry: Vec<u32> = (0..part.n_owned() as u32)
         .filter(|&i| {
             names[i as usize] == NONE && {
                 let phi = phi[i as usize];
-                phi * (1.0 - phi) > OUTER
+                phi * (1.0 - phi) > OUTER || phi > 0.5
             }
         })
         .collect();
@@ -82,7 +89,10 @@ fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]
                 let candidate = (phi[j as usize], name);
                 let better = best
                     .is_none_or(|b| candidate.0 > b.0 || (candidate.0 == b.0 && candidate.1 < b.1));
-                if name != NONE && better {
+                if name != NONE
+                    && better
+                    && (cut.is_in_fluid(i as usize) || cut.is_in_fluid(j as usize))
+                {
                     best = Some(candidate);
                 }
             }
@@ -103,7 +113,12 @@ fn add_band(part: &MeshPart, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]
 
 /// Pairs of bodies (smaller name first, ascending) whose bands touch; the same on every rank.
 /// Collective.
-pub fn contacts(part: &MeshPart, graph: &BlockCsr<1>, names: &[u64]) -> Vec<(u64, u64)> {
+pub fn contacts(
+    part: &MeshPart,
+    cut: &CutMesh,
+    graph: &BlockCsr<1>,
+    names: &[u64],
+) -> Vec<(u64, u64)> {
     let mut pairs = BTreeSet::new();
     for i in 0..part.n_owned() {
         let a = names[i];
@@ -113,7 +128,11 @@ pub fn contacts(part: &MeshPart, graph: &BlockCsr<1>, names: &[u64]) -> Vec<(u64
         let mut last = a;
         for &j in &graph.columns[graph.row(i)] {
             let b = names[j as usize];
-            if b != last && b != a && b != NONE {
+            if b != last
+                && b != a
+                && b != NONE
+                && (cut.is_in_fluid(i) || cut.is_in_fluid(j as usize))
+            {
                 pairs.insert((a.min(b), a.max(b)));
                 last = b;
             }
@@ -147,7 +166,7 @@ mod tests {
                 _ => 0.0,
             })
             .collect();
-        let names = bodies_of_water(&part, &graph, &phi);
+        let names = bodies_of_water(&part, &CutMesh::whole(), &graph, &phi);
         for (p, &name) in part.mesh.nodes.iter().zip(&names) {
             // x = 11 is three layers from both and as wet on both sides: the smaller name.
             let expected = match p[0] as u64 {
@@ -157,6 +176,6 @@ mod tests {
             };
             assert_eq!(name, expected, "x = {}", p[0]);
         }
-        assert_eq!(contacts(&part, &graph, &names), [(4, 14)]);
+        assert_eq!(contacts(&part, &CutMesh::whole(), &graph, &names), [(4, 14)]);
     }
 }

@@ -1,7 +1,8 @@
 //! The files of a run: fields, gauges, history, and when each is due.
 
 use super::gauges::Gauges;
-use crate::case::Case;
+use crate::case::{Case, Obstacle};
+use crate::flow::BodyLoad;
 use crate::mesh::MeshPart;
 use io::table::TableWriter;
 use io::vtkhdf::{FieldsFile, FieldsMesh};
@@ -37,6 +38,10 @@ pub struct Snapshot<'a> {
     pub p: &'a [f64],
     /// φ.
     pub phi: &'a [f64],
+    /// Distance to the structures [m], positive in the fluid.
+    pub distance: &'a [f64],
+    /// What the fluid does to each body.
+    pub loads: &'a [BodyLoad],
 }
 
 /// The open files of a run.
@@ -46,7 +51,25 @@ pub struct Output {
     gauge_table: Option<TableWriter>,
     gauge_schedule: Schedule,
     history: Option<TableWriter>,
+    bodies: Option<TableWriter>,
 }
+
+/// Columns of bodies.csv for each body: the weak form's reaction, then its traction alone.
+const BODY: [(&str, &str); 13] = [
+    ("force_x", "N"),
+    ("force_y", "N"),
+    ("force_z", "N"),
+    ("torque_x", "Nm"),
+    ("torque_y", "Nm"),
+    ("torque_z", "Nm"),
+    ("traction_x", "N"),
+    ("traction_y", "N"),
+    ("traction_z", "N"),
+    ("traction_torque_x", "Nm"),
+    ("traction_torque_y", "Nm"),
+    ("traction_torque_z", "Nm"),
+    ("area", "m2"),
+];
 
 /// When something is due: every so often, the first time at zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,6 +155,18 @@ impl Output {
             gauge_schedule: Schedule::new(case.output.gauges_every.unwrap_or(0.0), after),
             gauges,
             history: table("history.csv", &HISTORY)?,
+            bodies: if case.obstacles.is_empty() {
+                None
+            } else {
+                let named = |o: &Obstacle| {
+                    let name = o.name.clone();
+                    BODY.map(move |(column, unit)| (format!("{name}_{column}"), unit))
+                };
+                let columns: Vec<_> = case.obstacles.iter().flat_map(named).collect();
+                let columns = columns.iter().map(|(name, unit)| (name.as_str(), *unit));
+                let columns: Vec<_> = std::iter::once(("t", "s")).chain(columns).collect();
+                table("bodies.csv", &columns)?
+            },
         })
     }
 
@@ -149,20 +184,39 @@ impl Output {
             && schedule.take(now.t)
         {
             let mut values: Vec<(&str, &[f64])> = vec![("velocity", now.u.as_flattened())];
-            for (name, field) in [("pressure", now.p), ("phase", now.phi)] {
+            let scalars =
+                [("pressure", now.p), ("phase", now.phi), ("structure_distance", now.distance)];
+            for (name, field) in scalars {
                 if !field.is_empty() {
                     values.push((name, field));
                 }
             }
             file.append(now.t, &values)?;
         }
-        if !self.gauges.columns.is_empty() && self.gauge_schedule.take(now.t) {
+        if self.gauge_schedule.take(now.t) {
+            self.write_bodies(part, now)?;
+            if self.gauges.columns.is_empty() {
+                return Ok(());
+            }
             let values = self.gauges.values(part, now.phi, now.p, now.u);
             let row: Vec<f64> = std::iter::once(now.t).chain(values).collect();
             let written = self.gauge_table.as_mut().map_or(Ok(()), |table| table.row(&row));
             io::Error::agree(&part.comm, written)?;
         }
         Ok(())
+    }
+
+    fn write_bodies(&mut self, part: &MeshPart, now: &Snapshot) -> Result<(), io::Error> {
+        let mut row = vec![now.t];
+        for l in now.loads {
+            for load in [&l.reaction, &l.traction] {
+                row.extend(load.force);
+                row.extend(load.torque);
+            }
+            row.push(l.area);
+        }
+        let written = self.bodies.as_mut().map_or(Ok(()), |table| table.row(&row));
+        io::Error::agree(&part.comm, written)
     }
 
     /// Adds a line to the history: values in the order of its columns. Collective.
@@ -187,6 +241,9 @@ fn field_names(case: &Case) -> Vec<(&'static str, usize)> {
     }
     if case.gas.is_some() {
         names.push(("phase", 1));
+    }
+    if !case.obstacles.is_empty() {
+        names.push(("structure_distance", 1));
     }
     names
 }

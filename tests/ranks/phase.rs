@@ -1,6 +1,7 @@
 //! The free surface on several ranks against the same on one.
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
+use fcm_fsi::cut::CutMesh;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::{Mesh, MeshPart};
 use fcm_fsi::phase::{Phase, VolumeReport, delta, initial};
@@ -32,13 +33,15 @@ fn run(part: &MeshPart, settings: &FreeSurface) -> (Phase, Vec<VolumeReport>) {
     let h = initial::cell_size(part, &from);
     let phi = initial::profile(&from, delta(settings, h));
     let solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-13, max_iterations: 200 };
-    let mut phase = Phase::new(part, settings, &solver, h, phi, Vec::new());
+    let mut phase = Phase::new(part, &CutMesh::whole(), settings, &solver, h, phi, Vec::new());
     let u: Vec<[f64; 3]> = part.mesh.nodes.iter().map(|x| velocity(*x)).collect();
     let fine = vec![[0.0; 3]; part.mesh.tets.len()];
     let mut reports = Vec::new();
     for _ in 0..6 {
-        phase.advance(part, 0.04, &u, &fine, &[]).expect("a mass-dominated solve");
-        reports.push(phase.restore_volume(part));
+        phase
+            .advance(part, &CutMesh::whole(), 0.04, &u, &fine, &[])
+            .expect("a mass-dominated solve");
+        reports.push(phase.restore_volume(part, &CutMesh::whole()));
     }
     (phase, reports)
 }

@@ -1,6 +1,7 @@
 //! Flow where viscosity rules: the preconditioner's velocity multigrid over ranks.
 
 use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::cut::CutMesh;
 use fcm_fsi::mesh::{MeshPart, boxes::tensor_box};
 use fcm_fsi::setup;
 use partition::Communicator;
@@ -27,10 +28,14 @@ pub fn viscous_flow_on_ranks(comm: &Communicator) {
         let line: Vec<f64> = (0..=10).map(|i| 0.1 * f64::from(i)).collect();
         let mesh = (comm.rank() == 0).then(|| tensor_box([&line; 3]));
         let part = MeshPart::distribute(comm, mesh, 0).unwrap();
-        let mut flow = setup::flow(&case, &part).expect("a flow");
+        let mut flow = setup::flow(&case, &part, &CutMesh::whole()).expect("a flow");
         let material = setup::material(&case, &part, None);
         let counts: Vec<u32> = (0..4)
-            .map(|i| flow.advance(&part, &material, 0.5 * f64::from(i), 0.5).unwrap().iterations)
+            .map(|i| {
+                flow.advance(&part, &CutMesh::whole(), &[], &material, 0.5 * f64::from(i), 0.5)
+                    .unwrap()
+                    .iterations
+            })
             .collect();
         (part, flow, counts)
     };

@@ -1,0 +1,171 @@
+//! All elements of a rank: whole, cut or solid; the nodes without fluid; the faces of cut elements.
+
+use super::ghost::GhostFace;
+use super::level_set::LevelSet;
+use super::tetrahedron::{Part, Pieces, cut};
+use crate::fem::region::Region;
+use crate::mesh::tetrahedron::Tetrahedron;
+use crate::mesh::{FACES, Mesh, MeshPart};
+
+/// How a local element stands to the structures.
+#[derive(Clone, Copy, Debug)]
+pub enum Cell<'a> {
+    /// All fluid.
+    Whole,
+    /// Fluid on one side of a wall.
+    Cut(&'a CutElement),
+    /// No fluid.
+    Solid,
+}
+
+/// An element with fluid on one side of a wall.
+#[derive(Clone, Copy, Debug)]
+pub struct CutElement {
+    /// Its local number.
+    pub element: u32,
+    /// Fluid part and wall.
+    pub pieces: Pieces,
+    /// The structure whose wall it is.
+    pub body: u32,
+    /// Centroid of the wall [m].
+    pub x: [f64; 3],
+}
+
+const WHOLE: u32 = u32::MAX;
+const SOLID: u32 = u32::MAX - 1;
+
+/// The mesh as the structures leave it.
+#[derive(Clone, Debug, Default)]
+pub struct CutMesh {
+    /// Signed distance of local nodes to the structures [m], positive in fluid; empty without structures.
+    pub distance: Vec<f64>,
+    /// The elements that are cut.
+    pub elements: Vec<CutElement>,
+    /// Local nodes with no fluid in any element around them.
+    pub dry_nodes: Vec<u32>,
+    /// Faces between two elements with fluid of which one is cut.
+    pub ghost_faces: Vec<GhostFace>,
+    /// `WHOLE`, `SOLID` or an index into `elements`; empty without structures.
+    state: Vec<u32>,
+    /// 1 for local nodes with whole elements only around them; empty without structures.
+    far: Vec<u8>,
+}
+
+impl CutMesh {
+    /// A mesh without structures.
+    pub fn whole() -> Self {
+        Self::default()
+    }
+
+    /// Cuts the local elements of `part`. `body_at` names the structure nearest to a point.
+    pub fn new(part: &MeshPart, levels: LevelSet, body_at: impl Fn([f64; 3]) -> u32) -> Self {
+        let mesh = &part.mesh;
+        let mut state = vec![WHOLE; mesh.tets.len()];
+        let mut elements = Vec::new();
+        let (mut dry, mut far) = (vec![1u8; mesh.nodes.len()], vec![1u8; mesh.nodes.len()]);
+        for (e, tet) in mesh.tets.iter().enumerate() {
+            let d = tet.map(|n| levels.distance[n as usize]);
+            let near = d.iter().any(|&d| d <= 0.0);
+            if near {
+                let x = mesh.corners(e);
+                match cut(&Tetrahedron::new(x), &x, &d) {
+                    Part::Whole => {}
+                    Part::Solid => state[e] = SOLID,
+                    Part::Cut(pieces) => {
+                        state[e] = elements.len() as u32;
+                        let at = if pieces.wall.size > 0.0 {
+                            pieces.wall.mean(&x)
+                        } else {
+                            pieces.fluid.mean(&x)
+                        };
+                        let bodies = tet.map(|n| levels.body[n as usize]);
+                        let same = bodies.iter().all(|&b| b == bodies[0]);
+                        let body = if same { bodies[0] } else { body_at(at) };
+                        elements.push(CutElement { element: e as u32, pieces, body, x: at });
+                    }
+                }
+            }
+            let side = if state[e] != SOLID { &mut dry } else { &mut far };
+            tet.iter().for_each(|&n| side[n as usize] = 0);
+            if state[e] < SOLID {
+                tet.iter().for_each(|&n| far[n as usize] = 0);
+            }
+        }
+        // A node's owner sees all elements around it.
+        part.exchange.update_ghosts(&mut dry);
+        part.exchange.update_ghosts(&mut far);
+        let dry_nodes = (0u32..).zip(dry).filter(|(_, dry)| *dry == 1).map(|(n, _)| n).collect();
+        let ghost_faces = ghost_faces(mesh, &state, &elements);
+        Self { distance: levels.distance, elements, dry_nodes, ghost_faces, state, far }
+    }
+
+    /// How local element `e` stands to the structures.
+    #[inline]
+    pub fn cell(&self, e: usize) -> Cell<'_> {
+        match self.state.get(e) {
+            None | Some(&WHOLE) => Cell::Whole,
+            Some(&SOLID) => Cell::Solid,
+            Some(&at) => Cell::Cut(&self.elements[at as usize]),
+        }
+    }
+
+    /// Volume of fluid in local element `e` [m³].
+    #[inline]
+    pub fn fluid_volume(&self, mesh: &Mesh, e: usize) -> f64 {
+        match self.cell(e) {
+            Cell::Whole => Tetrahedron::of(mesh, e).volume,
+            Cell::Cut(c) => c.pieces.fluid.size,
+            Cell::Solid => 0.0,
+        }
+    }
+
+    /// Whether local node `i` is in the fluid.
+    #[inline]
+    pub fn is_in_fluid(&self, i: usize) -> bool {
+        self.distance.get(i).is_none_or(|d| *d > 0.0)
+    }
+
+    /// Whether all elements around local node `i` are whole.
+    pub fn is_far_from_walls(&self, i: usize) -> bool {
+        self.far.get(i).is_none_or(|far| *far == 1)
+    }
+
+    /// The cut elements among those that this rank integrates over.
+    pub fn owned<'a>(&'a self, part: &MeshPart) -> impl Iterator<Item = &'a CutElement> {
+        let n = part.n_owned_elements as u32;
+        self.elements.iter().take_while(move |c| c.element < n)
+    }
+}
+
+/// Faces between two elements with fluid of which one is cut, in an order that does not depend on the ranks'
+/// numbers of nodes elsewhere.
+fn ghost_faces(mesh: &Mesh, state: &[u32], cut: &[CutElement]) -> Vec<GhostFace> {
+    let mut near = vec![false; mesh.nodes.len()];
+    for c in cut {
+        mesh.tets[c.element as usize].iter().for_each(|&n| near[n as usize] = true);
+    }
+    let mut sides: Vec<([u32; 3], u32, u8)> = Vec::new();
+    for (e, tet) in mesh.tets.iter().enumerate() {
+        if state[e] == SOLID || tet.iter().filter(|&&n| near[n as usize]).count() < 3 {
+            continue;
+        }
+        for (f, corners) in FACES.iter().enumerate() {
+            let mut face = corners.map(|c| tet[c]);
+            if face.iter().all(|&n| near[n as usize]) {
+                face.sort_unstable();
+                sides.push((face, e as u32, f as u8));
+            }
+        }
+    }
+    sides.sort_unstable();
+    let is_cut = |e: u32| state[e as usize] != WHOLE;
+    sides
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter_map(|pair| match *pair {
+            [(_, e, f), (_, g, _)] if is_cut(e) || is_cut(g) => {
+                Some(GhostFace::new(mesh, [e, g], usize::from(f)))
+            }
+            _ => None,
+        })
+        .collect()
+}

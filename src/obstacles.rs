@@ -1,0 +1,121 @@
+//! The case's obstacles: shapes, where they stand at a time, how they move over a step, and the mesh as they
+//! leave it.
+
+use crate::case::{self, Case, CaseError};
+use crate::cut::level_set::{LevelSet, Nodes, Solid, nearest};
+use crate::cut::{CutMesh, Motion, Surface, Wall};
+use crate::mesh::MeshPart;
+use crate::shape::{Pose, Shape};
+use nalgebra::{UnitQuaternion, Vector3};
+use std::path::Path;
+
+/// All obstacles of a case that has some.
+#[derive(Clone, Debug)]
+pub struct Obstacles {
+    given: Vec<case::Obstacle>,
+    shapes: Vec<Shape>,
+    nodes: Nodes,
+}
+
+impl Obstacles {
+    /// Reads their files; `None` if the case has none. Collective.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a surface that is not closed: the key in the case file.
+    pub fn new(case: &Case, part: &MeshPart) -> Result<Option<Self>, CaseError> {
+        if case.obstacles.is_empty() {
+            return Ok(None);
+        }
+        let mut shapes = Vec::new();
+        for (i, obstacle) in case.obstacles.iter().enumerate() {
+            let refused = |key: &str, message: String| {
+                case.source.error(&format!("obstacle[{}].{key}", i + 1), message)
+            };
+            shapes.push(match &obstacle.solid {
+                case::Solid::Cuboid(size) => Shape::cuboid(*size),
+                case::Solid::Sphere(radius) => Shape::sphere(*radius),
+                case::Solid::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
+                case::Solid::Surface(path) => {
+                    let bytes = read(part, path).map_err(|e| refused("surface", e))?;
+                    surface(path, &bytes).map_err(|e| refused("surface", e))?
+                }
+                case::Solid::Terrain(path) => {
+                    let bytes = read(part, path).map_err(|e| refused("terrain", e))?;
+                    terrain(path, &bytes).map_err(|e| refused("terrain", e))?
+                }
+            });
+        }
+        Ok(Some(Self { given: case.obstacles.clone(), shapes, nodes: Nodes::new(part) }))
+    }
+
+    /// Names, in the order of their numbers.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.given.iter().map(|o| &*o.name)
+    }
+
+    /// Whether any of them moves.
+    pub fn move_at_all(&self) -> bool {
+        self.given.iter().any(|o| o.displacement.is_some() || o.rotation.is_some())
+    }
+
+    fn pose(&self, i: usize, t: f64) -> Pose {
+        let o = &self.given[i];
+        let at = |f: &Option<[case::Formula; 3]>| {
+            let value = |f: &[case::Formula; 3]| Vector3::from_fn(|k, _| f[k].at([0.0; 3], t));
+            f.as_ref().map_or(Vector3::zeros(), value)
+        };
+        let [x, y, z] = o.turned;
+        Pose {
+            position: Vector3::from(o.at) + at(&o.displacement),
+            rotation: UnitQuaternion::from_scaled_axis(at(&o.rotation).map(f64::to_radians))
+                * UnitQuaternion::from_euler_angles(x, y, z),
+        }
+    }
+
+    /// The mesh as they leave it at time `t`. Collective.
+    pub fn cut(&self, part: &MeshPart, t: f64) -> CutMesh {
+        let solids: Vec<Solid> = (self.given.iter().zip(&self.shapes).enumerate())
+            .map(|(i, (given, shape))| Solid {
+                shape,
+                pose: self.pose(i, t),
+                outside_in: given.outside_in,
+            })
+            .collect();
+        let levels = LevelSet::new(part, &self.nodes, &solids);
+        CutMesh::new(part, levels, |x| nearest(&solids, x))
+    }
+
+    /// Their walls, and the motion that brings each from where it is at `t` to where it is at `t + dt`.
+    pub fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
+        let surface = |(i, given): (usize, &case::Obstacle)| {
+            let (from, to) = (self.pose(i, t), self.pose(i, t + dt));
+            let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
+            let per = |v: Vector3<f64>| if dt > 0.0 { (v / dt).into() } else { [0.0; 3] };
+            let motion = Motion {
+                centre: to.position.into(),
+                velocity: per(to.position - from.position),
+                spin: per(turn),
+            };
+            Surface { wall: if given.slip { Wall::Slip } else { Wall::NoSlip }, motion }
+        };
+        self.given.iter().enumerate().map(surface).collect()
+    }
+}
+
+/// The bytes of a file, read once. Collective.
+fn read(part: &MeshPart, path: &Path) -> Result<Vec<u8>, String> {
+    let first = part.comm.rank() == 0;
+    let bytes = if first { std::fs::read(path) } else { Ok(Vec::new()) };
+    let bytes = part.comm.agree(bytes.map_err(|e| format!("{}: {e}", path.display())))?;
+    Ok(part.comm.broadcast(0, bytes))
+}
+
+fn surface(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
+    let file = io::surface::parse(path, bytes).map_err(|e| e.to_string())?;
+    let surface = crate::shape::Surface::new(&file.vertices, &file.triangles);
+    Shape::mesh(surface).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn terrain(path: &Path, _bytes: &[u8]) -> Result<Shape, String> {
+    Err(format!("{}: grids of heights are not read yet", path.display()))
+}
