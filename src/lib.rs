@@ -14,6 +14,7 @@
 //! - [`simulation`]: state, one step, the run, restart.
 //! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
 //! - [`fem`], [`mesh`], [`linear`]: what they stand on.
+//! - [`bodies`]: rigid clusters that collide, hold together and break.
 //! - [`shape`]: closed solids and where they stand.
 //! - [`report`]: gauges, files, progress, the summary.
 //!
@@ -22,6 +23,7 @@
 //! every rank reaches every collective, and an error on one is an error on all; no kernel allocates in a
 //! step. `tests/layers.rs` holds the arrows.
 
+pub mod bodies;
 pub mod case;
 pub mod fem;
 pub mod flow;
