@@ -12,11 +12,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("main", &["case", "report", "simulation"], &["partition"]),
     (
         "simulation",
-        &["case", "fem", "flow", "linear", "mesh", "phase", "report", "setup"],
+        &["bodies", "case", "fem", "flow", "linear", "mesh", "phase", "report", "setup"],
         &["io", "partition"],
     ),
-    ("setup", &["case", "flow", "mesh", "phase"], &["io", "partition"]),
-    ("report", &["case", "fem", "flow", "mesh", "phase"], &["io"]),
+    ("setup", &["bodies", "case", "flow", "mesh", "phase", "shape"], &["io", "partition"]),
+    ("report", &["bodies", "case", "fem", "flow", "mesh", "phase"], &["io"]),
     ("flow", &["case", "fem", "linear", "mesh"], &[]),
     ("phase", &["case", "fem", "linear", "mesh"], &[]),
     ("fem", &["case", "mesh"], &[]),
@@ -35,6 +35,7 @@ const MEET_THE_RANKS: &[&str] = &[
     "main.rs",
     "mesh/part.rs",
     "setup.rs",
+    "setup/bodies.rs",
     "simulation.rs",
 ];
 

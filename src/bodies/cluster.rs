@@ -154,6 +154,17 @@ impl Cluster {
     }
 }
 
+/// A point that is recorded: its entry's name and number there, its cluster and its place in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracked {
+    /// `NAME_1`, `NAME_2`, …
+    pub name: String,
+    /// The cluster that carries it.
+    pub cluster: u32,
+    /// In the cluster's frame [m].
+    pub local: Vector3<f64>,
+}
+
 /// Where clusters stand and how they move: an entry for each cluster, valid for those of this rank and
 /// their neighbours.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,8 +6,9 @@
 
 use super::account::Account;
 use super::cluster::State;
-use super::cohesion_law::{BROKEN, Compression, Law, Unloading};
+use super::cohesion_law::{BROKEN, Law};
 use super::contact::{Twist, World};
+use crate::case::{Compression, Unloading};
 use nalgebra::Vector3;
 
 /// A glued face.
@@ -100,13 +101,16 @@ impl Joints {
         self.alive = order.iter().map(|&j| self.alive[j]).collect();
     }
 
-    /// Whether two clusters feel each other through their bond alone.
+    /// Whether two clusters feel each other through their bond alone: no point of it is broken.
     pub fn bond_alone(&self, a: u32, b: u32) -> bool {
         let from = self.joints.partition_point(|j| (j.a, j.b) < (a, b));
         let mine = self.joints[from..].iter().zip(&self.alive[from..]);
-        mine.take_while(|(j, _)| (j.a, j.b) == (a, b)).any(|(j, &alive)| {
-            alive > 0 && self.laws[j.law as usize].compression == Compression::Bond
-        })
+        let mut mine = mine.take_while(|(j, _)| (j.a, j.b) == (a, b)).peekable();
+        mine.peek().is_some()
+            && mine.all(|(j, &alive)| {
+                alive == j.end - j.first
+                    && self.laws[j.law as usize].compression == Compression::Bond
+            })
     }
 
     /// Area of a joint and how much of it is broken [m²].
@@ -145,7 +149,7 @@ impl Joints {
     /// Energy stored and spent in all joints whose first cluster is counted [J].
     pub fn energy(&self, state: &State, counted: &[bool]) -> (f64, f64) {
         let (mut stored, mut spent) = (0.0, 0.0);
-        for (joint, &alive) in self.joints.iter().zip(&self.alive) {
+        for joint in &self.joints {
             if !counted[joint.a as usize] {
                 continue;
             }
@@ -157,7 +161,8 @@ impl Joints {
                 let (kept, gone) = law.energy(open, self.largest[p]);
                 stored += kept * self.area[p];
                 spent += gone * self.area[p];
-                if alive > 0 && law.compression == Compression::Bond && normal < 0.0 {
+                if self.largest[p] != BROKEN && law.compression == Compression::Bond && normal < 0.0
+                {
                     stored += 0.5 * law.stiffness() * normal * normal * self.area[p];
                 }
             }
@@ -165,8 +170,8 @@ impl Joints {
         (stored, spent)
     }
 
-    /// Adds the forces of the joints `active` to `state.force` and `state.torque`. `came_off` receives
-    /// those whose last point breaks now.
+    /// Adds the forces of the joints `active` to `state.force` and `state.torque`. `cracked` receives those
+    /// of which points break now.
     pub fn add_forces(
         &mut self,
         state: &mut State,
@@ -175,7 +180,7 @@ impl Joints {
         dt: f64,
         counted: &[bool],
         account: &mut Account,
-        came_off: &mut Vec<u32>,
+        cracked: &mut Vec<u32>,
     ) {
         for &j in active {
             let joint = &self.joints[j as usize];
@@ -194,6 +199,7 @@ impl Joints {
             let n = joint.normal;
             let mut sums = [Vector3::zeros(); 3];
             let mut damped = 0.0;
+            let before = self.alive[j as usize];
             for p in joint.first as usize..joint.end as usize {
                 let [on_a, on_b] = self.places[p];
                 let there = apart + to_a * on_b;
@@ -202,28 +208,28 @@ impl Joints {
                 let arm_b = arm_a - apart;
                 let v = velocity + spin_b.cross(&arm_b) - spin_a.cross(&arm_a);
                 let (delta_n, v_n) = (delta.dot(&n), v.dot(&n));
-                let mut traction = Vector3::zeros();
-                if self.largest[p] != BROKEN {
-                    let (mut open, mut rate) = (delta, v);
-                    if delta_n < 0.0 {
-                        open -= delta_n * n;
-                        rate -= v_n * n;
-                    }
-                    let size = open.norm();
-                    self.largest[p] = self.largest[p].max(size);
-                    if size >= law.opening {
-                        self.largest[p] = BROKEN;
-                        self.alive[j as usize] -= 1;
-                    } else {
-                        let reached = match law.unloading {
-                            Unloading::Curve => size,
-                            Unloading::Damage => self.largest[p],
-                        };
-                        let secant = law.secant(reached);
-                        traction = secant * (open + joint.beta * rate);
-                        damped += secant * joint.beta * rate.norm_squared() * self.area[p];
-                    }
+                if self.largest[p] == BROKEN {
+                    continue;
                 }
+                let (mut open, mut rate) = (delta, v);
+                if delta_n < 0.0 {
+                    open -= delta_n * n;
+                    rate -= v_n * n;
+                }
+                let size = open.norm();
+                if size >= law.opening {
+                    self.largest[p] = BROKEN;
+                    self.alive[j as usize] -= 1;
+                    continue;
+                }
+                self.largest[p] = self.largest[p].max(size);
+                let reached = match law.unloading {
+                    Unloading::Curve => size,
+                    Unloading::Damage => self.largest[p],
+                };
+                let secant = law.secant(reached);
+                let mut traction = secant * (open + joint.beta * rate);
+                damped += secant * joint.beta * rate.norm_squared() * self.area[p];
                 if bonded && delta_n < 0.0 {
                     let pressure = (stiffness * (delta_n + joint.beta * v_n)).min(0.0);
                     traction += pressure * n;
@@ -234,8 +240,8 @@ impl Joints {
                 sums[1] += arm_a.cross(&force);
                 sums[2] += arm_b.cross(&force);
             }
-            if self.alive[j as usize] == 0 {
-                came_off.push(j);
+            if self.alive[j as usize] < before {
+                cracked.push(j);
             }
             let forth = state.pose[a].rotation;
             let [force, torque_a, torque_b] = sums.map(|s| forth * s);

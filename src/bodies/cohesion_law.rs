@@ -2,27 +2,7 @@
 //!
 //! Its peak is σ_c at δ_f/3; opening a face for good takes 9/16 σ_c δ_f per area.
 
-use serde::{Deserialize, Serialize};
-
-/// What a bond does after the opening shrinks again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Unloading {
-    /// It returns on the curve (paper).
-    Curve,
-    /// It returns straight to zero: damage stays.
-    Damage,
-}
-
-/// What carries compression across a bonded face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Compression {
-    /// The spheres of the two clusters (paper).
-    Contact,
-    /// The bond, as stiff as at first in tension; the spheres take over when its last point is broken.
-    Bond,
-}
+use crate::case::{Compression, Unloading};
 
 /// Strength and opening of a bond.
 #[derive(Clone, Copy, Debug, PartialEq)]

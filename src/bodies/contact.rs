@@ -57,7 +57,7 @@ pub fn add_forces(
     counted: &[bool],
     account: &mut Account,
 ) {
-    let Neighbours { pairs, spheres, candidates, spring, touching, hits, .. } = near;
+    let Neighbours { pairs, spheres, candidates, spring, rest, touching, hits, deepest, .. } = near;
     for pair in pairs.iter() {
         hits.clear();
         let a = pair.cluster as usize;
@@ -72,13 +72,20 @@ pub fn add_forces(
                     let reach = s.radius + t.radius;
                     let square = away.norm_squared();
                     if square >= reach * reach {
-                        touching[k] = false;
+                        (touching[k], rest[k]) = (false, 0.0);
                         continue;
                     }
                     let distance = square.sqrt();
                     let normal = if distance > 0.0 { away / distance } else { Vector3::z() };
-                    let overlap = reach - distance;
-                    let point = s.place - normal * (s.radius - 0.5 * overlap);
+                    let whole = reach - distance;
+                    *deepest = deepest.max(whole / s.radius.min(t.radius));
+                    rest[k] = rest[k].min(whole);
+                    let overlap = whole - rest[k];
+                    if overlap == 0.0 {
+                        touching[k] = false;
+                        continue;
+                    }
+                    let point = s.place - normal * (s.radius - 0.5 * whole);
                     let arm = [point - x_a, point - x_b];
                     hits.push(Hit { candidate: k as u32, normal, overlap, arm });
                 }
@@ -93,6 +100,7 @@ pub fn add_forces(
                         continue;
                     }
                     let overlap = s.radius - distance;
+                    *deepest = deepest.max(overlap / s.radius);
                     let point = s.place - normal * (s.radius - 0.5 * overlap);
                     let arm = [point - state.pose[a].position, Vector3::zeros()];
                     hits.push(Hit { candidate: k as u32, normal, overlap, arm });
@@ -259,7 +267,7 @@ pub fn elastic_energy(state: &State, near: &Neighbours, world: &World, counted: 
         let k = world.materials.pair(world.clusters[pair.cluster as usize].material, material);
         for c in pair.first as usize..pair.end as usize {
             if near.touching[c] {
-                let overlap = near.overlap(state, world, pair, c);
+                let overlap = near.overlap(state, world, pair, c) - near.rest[c];
                 sum += 0.5 * k.stiffness * (overlap * overlap + near.spring[c].norm_squared());
             }
         }

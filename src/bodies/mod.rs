@@ -31,7 +31,7 @@ pub mod touching;
 pub mod walls;
 
 pub use account::Account;
-pub use cluster::{Cluster, Form, Motion, State};
+pub use cluster::{Cluster, Form, Motion, State, Tracked};
 pub use cohesion::{Break, Joints};
 pub use contact::World;
 pub use motion::Load;

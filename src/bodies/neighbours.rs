@@ -45,13 +45,17 @@ pub struct PlacedSphere {
     local: Vector3<f64>,
 }
 
-/// A touching pair of spheres and its tangential spring [m].
+/// What a pair of spheres remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
     /// Cluster, partner, spheres of both (0 for a wall's).
     pub key: (u32, Partner, [u32; 2]),
     /// ξ [m].
     pub spring: Vector3<f64>,
+    /// Overlap that is not felt [m].
+    pub rest: f64,
+    /// Whether they touched last time.
+    pub touching: bool,
 }
 
 /// Lists of what is close.
@@ -65,10 +69,15 @@ pub struct Neighbours {
     pub candidates: Vec<[u32; 2]>,
     /// ξ of each candidate [m], if touching.
     pub spring: Vec<Vector3<f64>>,
+    /// Overlap of each candidate when the bond between its clusters cracked [m]: only what comes on top is
+    /// felt, until they part. (Felt at once, it would be energy out of nothing.)
+    pub rest: Vec<f64>,
     /// Whether each candidate touched last time.
     pub touching: Vec<bool>,
     /// Scratch: the touching candidates of one pair.
     pub hits: Vec<Hit>,
+    /// Deepest overlap so far over the smaller radius: beyond 0.5 contact is too soft for what it stops.
+    pub deepest: f64,
     /// Reach beyond contact [m].
     pub skin: f64,
     /// Where clusters stood when the lists were made.
@@ -166,7 +175,7 @@ impl Neighbours {
         self.place(state);
     }
 
-    /// Adds a pair of clusters that did not feel each other before.
+    /// Adds a pair of clusters whose bond cracked.
     pub fn add_pair(&mut self, state: &State, world: &World, a: u32, b: u32) {
         let partner = Partner::Cluster(b);
         let at = self.pairs.partition_point(|p| (p.cluster, p.partner) < (a, partner));
@@ -178,8 +187,12 @@ impl Neighbours {
         let end = self.candidates.len() as u32;
         self.spring.resize(end as usize, Vector3::zeros());
         self.touching.resize(end as usize, false);
+        let pair = Pair { cluster: a, partner, first, end };
+        for k in first..end {
+            self.rest.push(self.overlap(state, world, &pair, k as usize).max(0.0));
+        }
         if end > first {
-            self.pairs.insert(at, Pair { cluster: a, partner, first, end });
+            self.pairs.insert(at, pair);
         }
     }
 
@@ -214,27 +227,30 @@ impl Neighbours {
         }
     }
 
-    /// The touching pairs, sorted.
+    /// Pairs of spheres with something to remember, sorted.
     pub fn touches(&self) -> Vec<Touch> {
         let mut touches = Vec::new();
         for pair in &self.pairs {
             for k in pair.first as usize..pair.end as usize {
-                if self.touching[k] {
+                let (touching, rest) = (self.touching[k], self.rest[k]);
+                if touching || rest > 0.0 {
                     let key = (pair.cluster, pair.partner, self.numbers(pair, k));
-                    touches.push(Touch { key, spring: self.spring[k] });
+                    touches.push(Touch { key, spring: self.spring[k], rest, touching });
                 }
             }
         }
         touches
     }
 
-    /// Gives candidates the springs of the touching pairs, which are sorted.
+    /// Gives candidates what they are to remember, sorted.
     pub fn recall(&mut self, touches: &[Touch]) {
         let n = self.candidates.len();
         self.spring.clear();
         self.spring.resize(n, Vector3::zeros());
         self.touching.clear();
         self.touching.resize(n, false);
+        self.rest.clear();
+        self.rest.resize(n, 0.0);
         for pair in &self.pairs {
             let from =
                 touches.partition_point(|t| (t.key.0, t.key.1) < (pair.cluster, pair.partner));
@@ -246,7 +262,8 @@ impl Neighbours {
                     .find(|&k| self.numbers(pair, k) == touch.key.2);
                 if let Some(k) = found {
                     self.spring[k] = touch.spring;
-                    self.touching[k] = true;
+                    self.rest[k] = touch.rest;
+                    self.touching[k] = touch.touching;
                 }
             }
         }
@@ -337,7 +354,7 @@ fn reaching(
 }
 
 /// All pairs of boxes that meet, the lower number first. Cost linear for boxes of like size.
-fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
+pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
     if boxes.len() < 2 {
         return pairs;

@@ -5,10 +5,12 @@ use super::cohesion::Joints;
 use super::contact::{Twist, World};
 use super::neighbours::Touch;
 use crate::shape::Pose;
+use partition::Communicator;
 
 /// A rank's own clusters and those near them.
 #[derive(Clone, Debug)]
 pub struct Ownership {
+    comm: Communicator,
     is_owned: Vec<bool>,
     /// In ascending order.
     owned: Vec<u32>,
@@ -20,7 +22,18 @@ impl Ownership {
     /// One rank owns all.
     pub fn single(n: usize) -> Self {
         let all: Vec<u32> = (0..n as u32).collect();
-        Self { is_owned: vec![true; n], owned: all.clone(), local: all }
+        let comm = Communicator::single();
+        Self { comm, is_owned: vec![true; n], owned: all.clone(), local: all }
+    }
+
+    /// For the clusters where they stand. Collective.
+    pub fn new(comm: &Communicator, _world: &World, state: &State) -> Self {
+        Self { comm: comm.clone(), ..Self::single(state.len()) }
+    }
+
+    /// The ranks.
+    pub fn comm(&self) -> &Communicator {
+        &self.comm
     }
 
     /// For each cluster whether it is this rank's.

@@ -68,7 +68,7 @@ pub struct Bodies {
     last: f64,
     /// Joints with a cluster of this rank and an unbroken point.
     active: Vec<u32>,
-    came_off: Vec<u32>,
+    cracked: Vec<u32>,
     loads: Vec<Load>,
 }
 
@@ -91,6 +91,8 @@ pub struct Saved {
 
 /// Between two looks at the lists a surface is taken to get at most this much faster.
 const FASTER: f64 = 2.0;
+/// Sub-steps between two times that velocities are reduced while all comes to rest.
+const SETTLING: f64 = 20.0;
 /// Sub-steps between two looks at the lists, at most.
 const UNCHECKED: f64 = 50.0;
 
@@ -132,7 +134,7 @@ impl Bodies {
             unchecked: 0,
             last: 0.0,
             active: Vec::new(),
-            came_off: Vec::new(),
+            cracked: Vec::new(),
         };
         bodies.refresh();
         bodies.predict(0.0);
@@ -293,24 +295,22 @@ impl Bodies {
     }
 
     fn add_forces(&mut self, h: f64) {
-        let Self { state, near, joints, twists, world, ranks, spent, came_off, .. } = self;
+        let Self { state, near, joints, twists, world, ranks, spent, cracked, .. } = self;
         for &c in ranks.local() {
             state.force[c as usize] = Vector3::zeros();
             state.torque[c as usize] = Vector3::zeros();
         }
         let owned = ranks.is_owned();
-        joints.add_forces(state, twists, &self.active, h, owned, spent, came_off);
+        joints.add_forces(state, twists, &self.active, h, owned, spent, cracked);
         contact::add_forces(state, near, twists, world, h, owned, spent);
-        // What came off feels contact from the next sub-step on.
-        for j in came_off.drain(..) {
+        // Cracked faces feel contact from the next sub-step on.
+        for j in cracked.drain(..) {
             let joint = joints.joints[j as usize];
-            if owned[joint.a as usize] {
+            if joints.alive[j as usize] == 0 && owned[joint.a as usize] {
                 let place = joints.middle(state, j);
                 self.breaks.push(Break { t: self.t + h, joint: j, place });
             }
-            if !joints.bond_alone(joint.a, joint.b) {
-                near.add_pair(state, world, joint.a, joint.b);
-            }
+            near.add_pair(state, world, joint.a, joint.b);
         }
     }
 
@@ -330,6 +330,11 @@ impl Bodies {
         account.contact = contact::elastic_energy(&self.state, &self.near, &self.world, owned);
         (account.bonds, account.fracture) = self.joints.energy(&self.state, owned);
         Account::from_array(self.ranks.sum(account.to_array()))
+    }
+
+    /// Deepest overlap of two spheres so far on this rank, over the smaller radius.
+    pub fn deepest(&self) -> f64 {
+        self.near.deepest
     }
 
     /// ω of a cluster now [rad/s].
@@ -352,6 +357,44 @@ impl Bodies {
         let velocity = (now.position - then.position) / self.last;
         let spin = (now.rotation * then.rotation.inverse()).scaled_axis() / self.last;
         velocity + spin.cross(&(x - now.position))
+    }
+
+    /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first
+    /// waits in its place; time and account then begin anew. Collective.
+    pub fn settle(&mut self, duration: f64) {
+        let n = self.state.len();
+        let waits = |bodies: &Self, c: usize| {
+            bodies.world.clusters[c].is_free()
+                && (bodies.state.velocity[c] != Vector3::zeros()
+                    || bodies.state.angular_momentum[c] != Vector3::zeros())
+        };
+        let waiting: Vec<usize> = (0..n).filter(|&c| waits(self, c)).collect();
+        let begin = self.state.clone();
+        let motions: Vec<Motion> = waiting
+            .iter()
+            .map(|&c| std::mem::replace(&mut self.world.clusters[c].motion, Motion::Fixed))
+            .collect();
+        let loads = vec![Load::default(); n];
+        let chunk = SETTLING * self.time_step;
+        for i in 0..(duration / chunk).ceil() as u64 {
+            self.advance(chunk, &loads);
+            let share = if (i as f64 + 1.0) * chunk < duration { 0.9 } else { 0.0 };
+            for c in (0..n).filter(|&c| self.world.clusters[c].is_free()) {
+                self.state.velocity[c] *= share;
+                self.state.angular_momentum[c] *= share;
+            }
+        }
+        for (c, motion) in waiting.into_iter().zip(motions) {
+            self.world.clusters[c].motion = motion;
+            self.state.velocity[c] = begin.velocity[c];
+            self.state.angular_momentum[c] = begin.angular_momentum[c];
+        }
+        self.t = 0.0;
+        self.last = 0.0;
+        self.spent = Account::default();
+        // Pairs of what waited were left out.
+        self.refresh();
+        self.unchecked = 0;
     }
 
     /// Everything later steps depend on, to go back to.

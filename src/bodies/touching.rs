@@ -5,6 +5,7 @@
 
 use super::cluster::{Form, State};
 use super::contact::World;
+use super::neighbours::meeting;
 use crate::shape::{Pose, Shape};
 use nalgebra::{Vector2, Vector3};
 
@@ -62,6 +63,18 @@ fn faces(form: &Form, pose: &Pose) -> Vec<Face> {
         }
         Shape::Sphere(_) => Vec::new(),
     }
+}
+
+/// Pairs of the clusters `which` whose boxes come within `gap` [m] of each other, sorted.
+pub fn close_pairs(state: &State, world: &World, which: &[u32], gap: f64) -> Vec<[u32; 2]> {
+    let bounds = |&c: &u32| {
+        let pose = &state.pose[c as usize];
+        (c, world.clusters[c as usize].form.bounds_at(pose).inflated(0.5 * gap + 1e-12))
+    };
+    let boxes: Vec<_> = which.iter().map(bounds).collect();
+    let mut pairs: Vec<[u32; 2]> = meeting(&boxes).into_iter().map(|(a, b)| [a, b]).collect();
+    pairs.sort_unstable();
+    pairs
 }
 
 /// Common faces of the pairs of clusters, `across` points along each side; gaps up to `gap` [m] count as

@@ -2,6 +2,8 @@
 //!
 //! The comments of these types are the descriptions in `fcm-fsi --schema`.
 
+pub mod bodies;
+
 use super::{Gravity, Regularisation, VolumeCorrection};
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -28,7 +30,8 @@ pub struct CaseFile {
     /// Velocity given everywhere, always [m/s]: only the free surface is computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prescribed_velocity: Option<[Expression; 3]>,
-    /// The mesh: a box or a file.
+    /// The mesh: a box or a file. A case of bodies alone has none.
+    #[serde(default, skip_serializing_if = "MeshTable::is_nothing")]
     pub mesh: MeshTable,
     /// Conditions by boundary name; `default` holds for every boundary not named. A box has x_min, x_max,
     /// y_min, y_max, z_min, z_max and the names of its holes.
@@ -60,6 +63,18 @@ pub struct CaseFile {
     /// Places where something is recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gauge: Vec<GaugeTable>,
+    /// What holds for all bodies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<bodies::BodiesTable>,
+    /// Bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub body: Vec<bodies::BodyTable>,
+    /// Walls that bodies cannot pass.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wall: Vec<bodies::WallTable>,
+    /// Contact between materials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contact: Vec<bodies::ContactTable>,
 }
 
 impl CaseFile {
@@ -108,6 +123,25 @@ pub struct MeshTable {
 
 fn one() -> u64 {
     1
+}
+
+impl Default for MeshTable {
+    fn default() -> Self {
+        Self {
+            block: None,
+            file: None,
+            holes: Vec::new(),
+            jitter: 0.0,
+            jitter_seed: one(),
+            refine: 0,
+        }
+    }
+}
+
+impl MeshTable {
+    fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A box of tetrahedra.
@@ -408,6 +442,9 @@ pub struct OutputTable {
     /// Time between lines of gauges.csv [s], or "step" (default).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gauges_every: Option<Every>,
+    /// Time between pictures of bodies and lines of bodies.csv [s], or "never" (default end/100).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies_every: Option<Every>,
     /// Time between checkpoints [s], or "never" (default).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint_every: Option<Every>,

@@ -1,7 +1,8 @@
 //! Joints that are pulled, sheared, bent, shaken.
 
 use super::*;
-use cohesion_law::{BROKEN, Compression, Unloading};
+use crate::case::{Compression, Unloading};
+use cohesion_law::BROKEN;
 use std::f64::consts::TAU;
 
 fn law(strength: f64, opening: f64, damping: f64) -> Law {
