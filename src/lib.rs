@@ -17,6 +17,7 @@
 //! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
 //! - [`obstacles`]: structures of the case; [`shape`]: their geometry; [`cut`]: the mesh as they leave it.
 //! - [`fem`], [`mesh`], [`linear`]: what they stand on.
+//! - [`bodies`]: rigid clusters that collide, hold together and break.
 //! - [`shape`]: closed solids and where they stand.
 //! - [`report`]: gauges, files, progress, the summary.
 //!
@@ -25,6 +26,7 @@
 //! every rank reaches every collective, and an error on one is an error on all; no kernel allocates in a
 //! step. `tests/layers.rs` holds the arrows.
 
+pub mod bodies;
 pub mod case;
 pub mod cut;
 pub mod fem;

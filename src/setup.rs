@@ -1,5 +1,7 @@
 //! Case → this rank's part of the mesh and the initial state.
 
+pub mod bodies;
+
 use crate::case::nearest::did_you_mean;
 use crate::case::{Case, CaseError, MeshSource};
 use crate::cut::CutMesh;
@@ -15,6 +17,9 @@ use partition::Communicator;
 /// # Errors
 /// A mesh that cannot be read or is broken; a boundary of the case that the mesh does not have.
 pub fn mesh(case: &Case, comm: &Communicator) -> Result<(MeshPart, Option<Quality>), SetupError> {
+    if case.mesh == MeshSource::Nothing {
+        return Ok((MeshPart::nothing(comm), None));
+    }
     let built = if comm.rank() == 0 { read(case).map(Some) } else { Ok(None) };
     let (mesh, quality) = match comm.agree(built).map_err(SetupError::Elsewhere)? {
         Some((mesh, quality)) => (Some(mesh), Some(quality)),
@@ -36,6 +41,7 @@ pub fn mesh(case: &Case, comm: &Communicator) -> Result<(MeshPart, Option<Qualit
 fn read(case: &Case) -> Result<(Mesh, Quality), CaseError> {
     let (key, mesh) = match &case.mesh {
         MeshSource::Box(block) => ("mesh.box", boxes::box_mesh(block)),
+        MeshSource::Nothing => unreachable!("asked before"),
         MeshSource::Gmsh(path) => {
             let file = io::gmsh::read(path);
             let file = file.map_err(|e| case.source.error("mesh.file", e.to_string()))?;
@@ -78,9 +84,10 @@ pub fn velocity(case: &Case, part: &MeshPart) -> Vec<[f64; 3]> {
     part.mesh.nodes.iter().map(|&x| std::array::from_fn(|k| formula[k].at(x, 0.0))).collect()
 }
 
-/// The flow at t = 0, unless its velocity is given for all times.
+/// The flow at t = 0, unless its velocity is given for all times or there is no fluid.
 pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh) -> Option<Flow> {
-    case.prescribed_velocity.is_none().then(|| Flow::new(case, part, cut, velocity(case, part)))
+    let computed = case.prescribed_velocity.is_none() && case.mesh != MeshSource::Nothing;
+    computed.then(|| Flow::new(case, part, cut, velocity(case, part)))
 }
 
 /// The phase field at t = 0, unless there is only one fluid. Collective.

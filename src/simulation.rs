@@ -2,7 +2,8 @@
 
 mod checkpoint;
 
-use crate::case::Case;
+use crate::bodies::{Bodies, Load, Tracked};
+use crate::case::{Case, MeshSource};
 use crate::cut::CutMesh;
 use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
@@ -12,6 +13,7 @@ use crate::mesh::balance::Balance;
 use crate::mesh::quality::Quality;
 use crate::obstacles::Obstacles;
 use crate::phase::{Phase, VolumeReport, inflow::Inflow};
+use crate::report::bodies::BodiesOutput;
 use crate::report::gauges::Gauges;
 use crate::report::output::{Output, Schedule, Snapshot};
 use crate::report::progress::{Line, Progress};
@@ -30,6 +32,9 @@ const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
 
+/// Bodies without a fluid take this many sub-steps a step.
+const SUB_STEPS: f64 = 100.0;
+
 /// A case in progress on this rank.
 pub struct Simulation {
     /// What is computed.
@@ -45,6 +50,8 @@ pub struct Simulation {
     pub flow: Option<Flow>,
     /// The free surface, if there are two fluids.
     pub phase: Option<Phase>,
+    /// Rigid bodies, if there are any.
+    pub bodies: Option<Bodies>,
     /// Densities and gravity as the flow sees them.
     pub material: Material,
     /// Where time stands.
@@ -59,6 +66,10 @@ pub struct Simulation {
     gauges: Option<Gauges>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
+    /// What the fluid does to each body.
+    body_loads: Vec<Load>,
+    /// Points of bodies that are recorded.
+    tracked: Vec<Tracked>,
     /// The given velocity, and no fine-scale velocity, where there is no flow.
     given: Vec<[f64; 3]>,
     no_fine_scale: Vec<[f64; 3]>,
@@ -161,6 +172,7 @@ impl Simulation {
         let phase = setup::phase(&case, &part, &cut, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
         let flow = setup::flow(&case, &part, &cut);
+        let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {
@@ -184,6 +196,9 @@ impl Simulation {
             gauges,
             inflow,
             inflow_values: Vec::new(),
+            body_loads: vec![Load::default(); bodies.as_ref().map_or(0, |b| b.state.len())],
+            tracked: tracked.unwrap_or_default(),
+            bodies,
             given,
             no_fine_scale,
             part,
@@ -233,6 +248,9 @@ impl Simulation {
             stages.add("flow: solve", report.flow.solve);
             self.loads = flow.loads(part, &self.cut, &self.material, &surfaces);
         }
+        if let Some(bodies) = &mut self.bodies {
+            stages.time("bodies", || bodies.advance(dt, &self.body_loads));
+        }
         clock.tick(dt);
         Ok(report)
     }
@@ -254,6 +272,10 @@ impl Simulation {
         self.open_folder(&options.out)?;
         let gauges = self.gauges.take().expect("a simulation is run once");
         let mut output = Output::open(&self.case, &self.part, gauges, &options.out, after)?;
+        let mut body_files = match &self.bodies {
+            Some(b) => BodiesOutput::open(&self.case, b, &self.tracked, &options.out, after)?,
+            None => None,
+        };
         let mut checkpoints = self.case.output.checkpoint_every.map(|every| {
             let mut schedule = Schedule::new(every, after);
             schedule.take(self.clock.t);
@@ -265,18 +287,26 @@ impl Simulation {
         let mut flow_iterations = 0;
         if after.is_none() {
             output.write_if_due(&self.part, &self.snapshot())?;
+            if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
+                files.write_if_due(self.clock.t, bodies)?;
+            }
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
             let rate = courant_rate(&self.part, self.velocity());
             let due = checkpoints.map(|schedule| schedule.next_time());
-            let dt = self.next_dt(rate, output.next_time().into_iter().chain(due));
+            let pictures = body_files.as_ref().map(|files| files.next_time());
+            let due = output.next_time().into_iter().chain(due).chain(pictures);
+            let dt = self.next_dt(rate, due);
             let report = self.step(dt)?;
             flow_iterations += u64::from(report.flow.iterations);
             let clock = Instant::now();
             line = self.line(&report, dt * rate);
             output.write_history(&self.part, self.history(&report, dt * rate))?;
             output.write_if_due(&self.part, &self.snapshot())?;
+            if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
+                files.write_if_due(self.clock.t, bodies)?;
+            }
             if let Some(schedule) = &mut checkpoints
                 && schedule.take(self.clock.t)
             {
@@ -378,6 +408,9 @@ impl Simulation {
                 let mut wanted = growth.min(time.max_step).min(time.max_cfl / rate);
                 if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {
                     wanted = wanted.min(WAVE_LIMIT * (phase.cell() / g).sqrt());
+                }
+                if let (Some(bodies), MeshSource::Nothing) = (&self.bodies, &self.case.mesh) {
+                    wanted = (SUB_STEPS * bodies.time_step()).min(time.max_step);
                 }
                 let next = due.filter(|&d| d > t * (1.0 + 1e-9)).fold(time.end, f64::min);
                 (wanted, next)

@@ -5,11 +5,13 @@ mod blocks;
 pub mod checkpoint;
 pub mod error;
 pub mod gmsh;
+pub mod moving;
 mod shared_file;
 pub mod surface;
 pub mod table;
 pub mod vtkhdf;
 
 pub use error::Error;
+pub use moving::MovingFile;
 pub use table::{Table, TableWriter};
 pub use vtkhdf::{FieldsFile, FieldsMesh};

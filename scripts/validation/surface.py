@@ -150,13 +150,16 @@ def standing_wave(work):
     theory, damping = 2 * np.pi / np.sqrt(np.pi * np.tanh(np.pi)), 2 * 0.005 * np.pi**2
     period = period_of(t, level, theory, damping)
     yield near(work, "period", period, theory, "linear theory", relative=0.01)
-    fifth = amplitude(t, level, theory, 4 * theory, damping)
-    yield near(work, "amplitude of period 5, damping taken out", fifth, 0.01, "linear theory", relative=0.1)
+    # The wave begins with no boundary layer: its damping is not yet that of the normal mode.
     exact = reference("standing_wave", "standing_wave_viscous_Re200.csv")
+    time, elevation = list(exact.values())[:2]
+    around = (time > 4.75 * theory) & (time < 5.25 * theory)
+    crest = 0.01 * np.abs(elevation[around]).max()
+    here = np.abs(level[(t > 4.75 * theory) & (t < 5.25 * theory)]).max()
+    yield near(work, "crest after 5 periods [m]", here, crest, "viscous initial-value solution", relative=0.1)
     plot, axes = figure(figsize=(8, 3.5))
     axes.plot(t, level, label="here")
-    names = list(exact)
-    axes.plot(exact[names[0]], -0.01 * exact[names[1]], "k.", label="reference")
+    axes.plot(time, -0.01 * elevation, "k.", label="reference")
     axes.set(xlabel="t", ylabel="elevation at x = 0")
     axes.legend()
     plot.savefig(work.folder / "elevation.png", dpi=150)

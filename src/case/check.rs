@@ -11,6 +11,7 @@ use super::{
 use values::{Reader, at_least_one, between, finite_vector, not_negative, positive, refuse};
 
 mod block;
+mod bodies;
 mod boundaries;
 mod obstacles;
 mod values;
@@ -53,9 +54,10 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     };
     let flow = flow(&mut file, paper)?;
     let solver = solver(&file)?;
-    let output = output(&mut file, time.end)?;
+    let output = output(&mut file, &mesh, time.end)?;
     let gauges = file.gauge.iter().enumerate().map(|(i, g)| gauge(i, g, &file.gauge[..i]));
     let gauges = gauges.collect::<Result<_, _>>()?;
+    let bodies = bodies::check(&mut file, paper, &reader, &sources.folder)?;
     sources.make_absolute(&mut file);
     let effective = toml::to_string(&file)
         .unwrap_or_else(|error| panic!("every case file can be written as TOML: {error}"));
@@ -79,6 +81,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
         solver,
         output,
         gauges,
+        bodies,
         effective,
         source: sources.source(),
     })
@@ -91,6 +94,7 @@ fn mesh(file: &CaseFile, sources: &Sources) -> Result<MeshSource, Problem> {
         return refuse("mesh.refine", format!("must be at most 6, is {}", mesh.refine));
     }
     match (&mesh.block, &mesh.file) {
+        (None, None) if file.bodies.is_some() => nothing(file),
         (None, None) => refuse("mesh", "needs a box or a file"),
         (Some(_), Some(_)) => refuse("mesh.file", "the mesh is a box or a file, not both"),
         (Some(_), None) => block::check(mesh).map(MeshSource::Box),
@@ -103,6 +107,22 @@ fn mesh(file: &CaseFile, sources: &Sources) -> Result<MeshSource, Problem> {
             }
             Ok(MeshSource::Gmsh(sources.folder.join(name)))
         }
+    }
+}
+
+/// Bodies alone: no fluid, so nothing about one.
+fn nothing(file: &CaseFile) -> Result<MeshSource, Problem> {
+    let fluid = [
+        ("air", file.air.is_some()),
+        ("boundaries", !file.boundaries.is_empty()),
+        ("free_surface", file.free_surface.is_some()),
+        ("prescribed_velocity", file.prescribed_velocity.is_some()),
+        ("gauge", !file.gauge.is_empty()),
+        ("mesh", !file.mesh.holes.is_empty()),
+    ];
+    match fluid.iter().find(|(_, there)| *there) {
+        Some((key, _)) => refuse(*key, "has no effect without a mesh"),
+        None => Ok(MeshSource::Nothing),
     }
 }
 
@@ -208,7 +228,7 @@ fn solver(file: &CaseFile) -> Result<Solver, Problem> {
     })
 }
 
-fn output(file: &mut CaseFile, end: f64) -> Result<Output, Problem> {
+fn output(file: &mut CaseFile, mesh: &MeshSource, end: f64) -> Result<Output, Problem> {
     let never = Every::Word(EveryWord::Never);
     let step = Every::Word(EveryWord::Step);
     // The one word each of them takes means "no time between".
@@ -222,13 +242,11 @@ fn output(file: &mut CaseFile, end: f64) -> Result<Output, Problem> {
         }
     };
     let output = &mut file.output;
+    let fields = if *mesh == MeshSource::Nothing { never } else { Every::Time(end / 50.0) };
+    let bodies = if file.bodies.is_some() { Every::Time(end / 100.0) } else { never };
     Ok(Output {
-        fields_every: time(
-            "fields_every",
-            &mut output.fields_every,
-            Every::Time(end / 50.0),
-            never,
-        )?,
+        fields_every: time("fields_every", &mut output.fields_every, fields, never)?,
+        bodies_every: time("bodies_every", &mut output.bodies_every, bodies, never)?,
         gauges_every: time("gauges_every", &mut output.gauges_every, step, step)?,
         checkpoint_every: time("checkpoint_every", &mut output.checkpoint_every, never, never)?,
     })

@@ -2,6 +2,8 @@
 //!
 //! The comments of these types are the descriptions in `fcm-fsi --schema`.
 
+pub mod bodies;
+
 use super::{Gravity, Regularisation, VolumeCorrection};
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -28,7 +30,8 @@ pub struct CaseFile {
     /// Velocity given everywhere, always [m/s]: only the free surface is computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prescribed_velocity: Option<[Expression; 3]>,
-    /// The mesh: a box or a file.
+    /// The mesh: a box or a file. A case of bodies alone has none.
+    #[serde(default, skip_serializing_if = "MeshTable::is_nothing")]
     pub mesh: MeshTable,
     /// Structures that stand in the mesh or move as told; the mesh does not know them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -63,6 +66,18 @@ pub struct CaseFile {
     /// Places where something is recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gauge: Vec<GaugeTable>,
+    /// What holds for all bodies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<bodies::BodiesTable>,
+    /// Bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub body: Vec<bodies::BodyTable>,
+    /// Walls that bodies cannot pass.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wall: Vec<bodies::WallTable>,
+    /// Contact between materials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contact: Vec<bodies::ContactTable>,
 }
 
 impl CaseFile {
@@ -111,6 +126,25 @@ pub struct MeshTable {
 
 fn one() -> u64 {
     1
+}
+
+impl Default for MeshTable {
+    fn default() -> Self {
+        Self {
+            block: None,
+            file: None,
+            holes: Vec::new(),
+            jitter: 0.0,
+            jitter_seed: one(),
+            refine: 0,
+        }
+    }
+}
+
+impl MeshTable {
+    fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A box of tetrahedra.
@@ -173,7 +207,7 @@ pub struct HoleTable {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObstacleTable {
-    /// Its name in bodies.csv.
+    /// Its name in loads.csv.
     pub name: String,
     /// Edges along x, y, z [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -467,6 +501,9 @@ pub struct OutputTable {
     /// Time between lines of gauges.csv [s], or "step" (default).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gauges_every: Option<Every>,
+    /// Time between pictures of bodies and lines of bodies.csv [s], or "never" (default end/100).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies_every: Option<Every>,
     /// Time between checkpoints [s], or "never" (default).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint_every: Option<Every>,

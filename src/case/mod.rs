@@ -1,5 +1,6 @@
 //! The case file: as typed (`CaseFile`), then checked, in SI units (`Case`).
 
+pub mod bodies;
 mod check;
 pub mod error;
 pub mod file;
@@ -9,6 +10,7 @@ pub mod nearest;
 mod reader;
 pub mod sources;
 
+pub use bodies::{Bodies, Compression, Unloading};
 pub use error::{CaseError, Source};
 pub use file::CaseFile;
 pub use formula::Formula;
@@ -58,6 +60,8 @@ pub struct Case {
     pub output: Output,
     /// Gauges.
     pub gauges: Vec<Gauge>,
+    /// Rigid bodies and walls.
+    pub bodies: Option<Bodies>,
     /// The case file with defaults filled in: itself a case file that gives this case.
     pub effective: String,
     /// The file as it was typed: `case.source.error("boundaries.inlet", …)` names its line.
@@ -71,6 +75,8 @@ pub enum MeshSource {
     Box(BoxMesh),
     /// A Gmsh file with named physical groups.
     Gmsh(PathBuf),
+    /// None: bodies alone.
+    Nothing,
 }
 
 /// Mesh source together with what is done to it.
@@ -128,7 +134,7 @@ pub enum Boundary {
 /// A structure cut through the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Obstacle {
-    /// In bodies.csv.
+    /// In loads.csv.
     pub name: String,
     /// In its own frame.
     pub solid: Solid,
@@ -267,6 +273,8 @@ pub struct Output {
     pub fields_every: Option<f64>,
     /// Time between gauge lines [s]; `None`: every step.
     pub gauges_every: Option<f64>,
+    /// Time between pictures of bodies [s]; `None`: none.
+    pub bodies_every: Option<f64>,
     /// Time between checkpoints [s]; `None`: none.
     pub checkpoint_every: Option<f64>,
 }

@@ -48,11 +48,15 @@ impl Sources {
                 .map_err(|message| sources.source().error(&key, format!("{name}: {message}")))?;
             sources.tables.insert(name, text);
         }
-        if let Some(name) = &typed.mesh.file
-            && let Err(error) = std::fs::File::open(sources.folder.join(name))
-        {
-            let message = format!("{name}: {}", reason(&error));
-            return Err(sources.source().error("mesh.file", message));
+        let files = typed.mesh.file.iter().map(|name| ("mesh.file".into(), name));
+        let bodies = (1..).zip(&typed.body).map(|(i, b)| (format!("body[{i}].file"), &b.file));
+        let walls = (1..).zip(&typed.wall).map(|(i, w)| (format!("wall[{i}].file"), &w.file));
+        let others = bodies.chain(walls).filter_map(|(key, name)| Some((key, name.as_ref()?)));
+        for (key, name) in files.chain(others) {
+            if let Err(error) = std::fs::File::open(sources.folder.join(name)) {
+                let message = format!("{name}: {}", reason(&error));
+                return Err(sources.source().error(&key, message));
+            }
         }
         Ok(sources)
     }
@@ -85,6 +89,8 @@ impl Sources {
         for obstacle in &mut file.obstacle {
             obstacle.surface.iter_mut().chain(&mut obstacle.terrain).for_each(absolute);
         }
+        file.body.iter_mut().filter_map(|b| b.file.as_mut()).for_each(absolute);
+        file.wall.iter_mut().filter_map(|w| w.file.as_mut()).for_each(absolute);
     }
 
     /// For errors about keys.
@@ -135,6 +141,17 @@ fn for_each_table(file: &mut CaseFile, f: &mut dyn FnMut(&str, &mut String)) {
         };
     vector("body_force", file.body_force.as_mut(), f);
     vector("prescribed_velocity", file.prescribed_velocity.as_mut(), f);
+    for (i, body) in (1..).zip(&mut file.body) {
+        let tables = [
+            ("led_velocity", body.led_velocity.as_mut()),
+            ("led_spin", body.led_spin.as_mut()),
+            ("force", body.force.as_mut()),
+            ("torque", body.torque.as_mut()),
+        ];
+        for (name, typed) in tables {
+            vector(&format!("body[{i}].{name}"), typed, f);
+        }
+    }
     vector("initial.velocity", Some(&mut file.initial.velocity), f);
     for (i, obstacle) in file.obstacle.iter_mut().enumerate() {
         let key = |name: &str| format!("obstacle[{}].{name}", i + 1);

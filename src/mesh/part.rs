@@ -63,6 +63,13 @@ impl MeshPart {
             comm,
         }
     }
+    /// No mesh at all: bodies without a fluid. Collective.
+    pub fn nothing(comm: &Communicator) -> Self {
+        let mut part = Self::single(Mesh::default());
+        part.exchange = Exchange::new(comm, &part.nodes);
+        part.comm = comm.clone();
+        part
+    }
     /// Splits the reader's mesh (rank 0 passes it, the others `None`) over all ranks, refined `refine`
     /// times. Global ids are the reader's, then the refinement's; they do not depend on the number of
     /// ranks. Collective.

@@ -54,7 +54,7 @@ pub struct Output {
     bodies: Option<TableWriter>,
 }
 
-/// Columns of bodies.csv for each body: the weak form's reaction, then its traction alone.
+/// Columns of loads.csv for each obstacle: the weak form's reaction, then its traction alone.
 const BODY: [(&str, &str); 13] = [
     ("force_x", "N"),
     ("force_y", "N"),
@@ -165,7 +165,7 @@ impl Output {
                 let columns: Vec<_> = case.obstacles.iter().flat_map(named).collect();
                 let columns = columns.iter().map(|(name, unit)| (name.as_str(), *unit));
                 let columns: Vec<_> = std::iter::once(("t", "s")).chain(columns).collect();
-                table("bodies.csv", &columns)?
+                table("loads.csv", &columns)?
             },
         })
     }

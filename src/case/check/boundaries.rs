@@ -51,6 +51,7 @@ pub fn check(
     }
     match default {
         Some(default) => Ok((default, named)),
+        None if *mesh == MeshSource::Nothing => Ok((Boundary::Slip, named)),
         None => {
             let message = "the key \"default\" is missing: the condition of boundaries not named";
             refuse("boundaries", message)

@@ -1,0 +1,39 @@
+//! Rigid clusters that move, collide, hold together and break: distinct elements with cohesive bonds
+//! (Takase et al. 2015, [18-28]).
+//!
+//! - `cluster` what one is, and where all stand · `packing` its contact spheres · `motion` kick, drift, kick.
+//! - `neighbours` who may touch whom · `contact` springs, dashpots, sliders · `material` · `walls`.
+//! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
+//! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle.
+//!
+//! A cluster is known by its number in the case, the same on every rank. Lists with an entry for each
+//! cluster are valid for a rank's own clusters and those near them. A pair is computed by every rank that
+//! owns one of the two, with the same operations in the same order, and forces on a cluster are summed in
+//! the order of its partners' numbers: results do not depend on ranks.
+//!
+//! May name `shape` and `case`; `ownership` alone meets the ranks.
+
+pub mod account;
+pub mod cluster;
+pub mod cohesion;
+pub mod cohesion_law;
+pub mod contact;
+pub mod material;
+pub mod motion;
+pub mod neighbours;
+pub mod ownership;
+pub mod packing;
+mod step;
+#[cfg(test)]
+mod tests;
+pub mod time_step;
+pub mod touching;
+pub mod walls;
+
+pub use account::Account;
+pub use cluster::{Cluster, Form, Motion, State, Tracked};
+pub use cohesion::{Break, Joints};
+pub use contact::World;
+pub use motion::Load;
+pub use ownership::Ownership;
+pub use step::{Bodies, Saved, Settings, Unstable};

@@ -1,0 +1,107 @@
+//! Clusters against exact solutions.
+
+mod fracture;
+mod impact;
+mod rigid_motion;
+
+use super::cohesion_law::Law;
+use super::material::{Contact, Materials};
+use super::walls::{Wall, WallSurface};
+use super::*;
+use crate::shape::{Pose, Shape};
+use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// A case in the making.
+struct Scene {
+    world: World,
+    state: State,
+    joints: Joints,
+    settings: Settings,
+    moving: Vec<(usize, V3, V3)>,
+}
+
+impl Scene {
+    fn new(contact: Contact, gravity: [f64; 3]) -> Self {
+        let world = World {
+            clusters: Vec::new(),
+            walls: Vec::new(),
+            materials: Materials::uniform(1, contact),
+            gravity: gravity.into(),
+            ignored: Vec::new(),
+        };
+        let (state, joints, settings) = Default::default();
+        Self { world, state, joints, settings, moving: Vec::new() }
+    }
+
+    fn floor(mut self) -> Self {
+        let surface = WallSurface::Plane { normal: Vector3::z(), offset: 0.0 };
+        self.world.walls.push(Wall { name: "floor".into(), material: 0, surface });
+        self
+    }
+
+    fn form(shape: &Shape, sphere: f64) -> Arc<Form> {
+        Arc::new(Form::new(shape, sphere, 2.0 * sphere).unwrap().0)
+    }
+
+    fn add(&mut self, form: &Arc<Form>, density: f64, x: [f64; 3]) -> usize {
+        self.turned(form, density, x, UnitQuaternion::identity())
+    }
+
+    fn turned(
+        &mut self,
+        form: &Arc<Form>,
+        density: f64,
+        x: [f64; 3],
+        rotation: UnitQuaternion<f64>,
+    ) -> usize {
+        self.world.clusters.push(Cluster::new(form.clone(), density, 0));
+        self.state.push(Pose { position: x.into(), rotation });
+        self.state.len() - 1
+    }
+
+    fn moving(&mut self, c: usize, velocity: [f64; 3], spin: [f64; 3]) {
+        self.moving.push((c, velocity.into(), spin.into()));
+    }
+
+    /// Glues all faces in common.
+    fn glue(&mut self, law: Law, across: u32) {
+        self.joints.laws.push(law);
+        let n = self.state.len() as u32;
+        let pairs: Vec<[u32; 2]> = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b])).collect();
+        for face in touching::common_faces(&self.state, &self.world, &pairs, across, 1e-9) {
+            let [a, b] = face.clusters;
+            self.joints.add(&self.state, &self.world, [a, b], face.normal, 0, &face.points);
+        }
+    }
+
+    fn start(mut self) -> Bodies {
+        for (c, v, w) in self.moving {
+            self.state.set_motion(c, &self.world.clusters[c], v, w);
+        }
+        let ranks = Ownership::single(self.state.len());
+        Bodies::new(self.world, self.state, self.joints, self.settings, ranks).unwrap()
+    }
+}
+
+fn contact(stiffness: f64, restitution: f64, angle: f64) -> Contact {
+    Contact { stiffness, restitution, friction: angle.to_radians().tan() }
+}
+
+fn advance(bodies: &mut Bodies, dt: f64) {
+    let loads = vec![Load::default(); bodies.state.len()];
+    bodies.advance(dt, &loads);
+}
+
+/// Linear and angular momentum about the origin.
+fn momentum(bodies: &Bodies) -> (V3, V3) {
+    let mut sums = (V3::zeros(), V3::zeros());
+    for (c, cluster) in bodies.world.clusters.iter().enumerate().filter(|c| c.1.is_free()) {
+        let p = cluster.mass * bodies.state.velocity[c];
+        sums.0 += p;
+        sums.1 += bodies.state.pose[c].position.cross(&p) + bodies.state.angular_momentum[c];
+    }
+    sums
+}

@@ -1,0 +1,202 @@
+//! What a case says about bodies, checked.
+
+use super::Formula;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Bodies, walls and what is between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bodies {
+    /// Of contact spheres [m].
+    pub sphere_radius: f64,
+    /// Of neighbouring contact spheres [m].
+    pub sphere_spacing: f64,
+    /// Names of materials; the first is that of bodies without a word about it.
+    pub materials: Vec<String>,
+    /// Contact where nothing else is said.
+    pub contact: ContactLaw,
+    /// Contact between two materials.
+    pub contacts: Vec<([u32; 2], ContactLaw)>,
+    /// No pull of the dashpot.
+    pub no_tension: bool,
+    /// Sub-step [s]; `None`: `fraction` of the longest stable one.
+    pub time_step: Option<f64>,
+    /// Of the longest stable sub-step.
+    pub fraction: f64,
+    /// Time to come to rest before t = 0 [s].
+    pub settle: f64,
+    /// Glue.
+    pub bond: Option<Bond>,
+    /// The entries.
+    pub bodies: Vec<Body>,
+    /// The walls.
+    pub walls: Vec<Wall>,
+}
+
+/// Contact of two materials.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactLaw {
+    /// [N/m]
+    pub stiffness: f64,
+    /// Speed after over speed before.
+    pub restitution: f64,
+    /// Tangent of the friction angle.
+    pub friction: f64,
+}
+
+/// What a bond does after the opening shrinks again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Unloading {
+    /// It returns on the curve (paper).
+    Curve,
+    /// It returns straight to zero: damage stays.
+    Damage,
+}
+
+/// What carries compression across a bonded face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Compression {
+    /// The spheres of the two clusters (paper).
+    Contact,
+    /// The bond, as stiff as at first in tension; the spheres come in when its first point is broken.
+    Bond,
+}
+
+/// Glue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bond {
+    /// σ_c [Pa].
+    pub strength: f64,
+    /// δ_f [m].
+    pub opening: f64,
+    /// Integration points along each side of a face.
+    pub points: u32,
+    /// After the opening shrinks.
+    pub unloading: Unloading,
+    /// Under compression.
+    pub compression: Compression,
+    /// Fraction of critical damping.
+    pub damping: f64,
+    /// Faces this far apart touch [m].
+    pub gap: f64,
+}
+
+/// The shape of an entry.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BodyShape {
+    /// Edges [m].
+    Cuboid([f64; 3]),
+    /// Radius [m].
+    Sphere(f64),
+    /// Radius and height [m].
+    Cylinder([f64; 2]),
+    /// STL or OBJ.
+    File(PathBuf),
+}
+
+/// How an entry becomes several bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pieces {
+    /// It does not.
+    One,
+    /// Blocks of a box.
+    Grid {
+        /// Along its edges.
+        count: [u32; 3],
+        /// Only along the upright sides.
+        hollow: bool,
+        /// Left out where positive.
+        openings: Vec<Formula>,
+    },
+    /// Voronoi cells.
+    Fragments {
+        /// [m]
+        size: f64,
+        /// Of the random numbers.
+        seed: u64,
+    },
+}
+
+/// Who decides how bodies move.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BodyMotion {
+    /// Forces, where `fixed` (a distance formula) is not positive.
+    Free {
+        /// Along x, y, z, about x, y, z.
+        locked: [bool; 6],
+        /// Where bodies stand still.
+        fixed: Formula,
+    },
+    /// Formulas of t.
+    Led {
+        /// [m/s]
+        velocity: [Formula; 3],
+        /// [rad/s]
+        spin: [Formula; 3],
+    },
+}
+
+/// An entry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// For results.
+    pub name: String,
+    /// Shape.
+    pub shape: BodyShape,
+    /// Into how many.
+    pub pieces: Pieces,
+    /// Place [m].
+    pub at: [f64; 3],
+    /// About x, then y, then z [rad].
+    pub rotate: [f64; 3],
+    /// Number and distance [m] of copies along x, y, z.
+    pub copies: ([u32; 3], [f64; 3]),
+    /// [kg/m³]
+    pub density: f64,
+    /// Index into `materials`.
+    pub material: u32,
+    /// At t = 0 [m/s].
+    pub velocity: [f64; 3],
+    /// At t = 0 [rad/s].
+    pub spin: [f64; 3],
+    /// Who decides.
+    pub motion: BodyMotion,
+    /// Force [N] and torque [N m].
+    pub applied: Option<[Formula; 6]>,
+    /// Indices into `walls`.
+    pub ignores: Vec<u32>,
+    /// Whether it is glued to what it touches.
+    pub bonded: bool,
+    /// Of its contact spheres [m].
+    pub sphere_radius: f64,
+    /// Points that are recorded [m].
+    pub track: Vec<[f64; 3]>,
+}
+
+/// A wall.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wall {
+    /// For results.
+    pub name: String,
+    /// Index into `materials`.
+    pub material: u32,
+    /// Where it is.
+    pub surface: WallShape,
+}
+
+/// The surface of a wall.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WallShape {
+    /// A plane.
+    Plane {
+        /// A point of it [m].
+        point: [f64; 3],
+        /// Of length 1, towards the bodies.
+        normal: [f64; 3],
+    },
+    /// STL or OBJ.
+    File(PathBuf),
+}

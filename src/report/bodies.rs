@@ -1,0 +1,216 @@
+//! The files of bodies: `bodies.vtkhdf` (their surfaces), `bodies.csv` (energies, recorded points) and
+//! `bonds.csv` (every face that came off).
+
+use super::output::Schedule;
+use crate::bodies::{Bodies, Tracked, cohesion_law::BROKEN};
+use crate::case::Case;
+use io::table::TableWriter;
+use io::{Error, MovingFile};
+use nalgebra::Vector3;
+use std::path::Path;
+
+/// Columns of bodies.csv before those of recorded points.
+const COLUMNS: [(&str, &str); 13] = [
+    ("t", "s"),
+    ("kinetic", "J"),
+    ("potential", "J"),
+    ("contact", "J"),
+    ("bonds", "J"),
+    ("fracture", "J"),
+    ("dashpots", "J"),
+    ("friction", "J"),
+    ("work", "J"),
+    ("total", "J"),
+    ("broken_faces", ""),
+    ("broken_area", "m2"),
+    ("deepest_overlap", ""),
+];
+
+/// Columns of bonds.csv.
+const BONDS: [(&str, &str); 8] = [
+    ("t", "s"),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+    ("body_a", ""),
+    ("body_b", ""),
+    ("face", ""),
+    ("area", "m2"),
+];
+
+/// Fields at the points of surfaces.
+const FIELDS: [(&str, usize); 4] = [("velocity", 3), ("damage", 1), ("body", 1), ("entry", 1)];
+
+/// Facets of round bodies over their radius.
+const FACET: f64 = 0.3;
+
+/// The open files of bodies.
+pub struct BodiesOutput {
+    surfaces: MovingFile,
+    table: Option<TableWriter>,
+    bonds: Option<TableWriter>,
+    schedule: Schedule,
+    tracked: Vec<Tracked>,
+    /// Breaks of this rank that are in bonds.csv already.
+    written: usize,
+    /// Corners of each cluster's surface in its own frame, and their first id.
+    corners: Vec<(Vec<Vector3<f64>>, u64)>,
+}
+
+impl BodiesOutput {
+    /// Opens the files in `folder`; `after` a time [s], those of an interrupted run. `None` if the case asks
+    /// for none. Collective.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn open(
+        case: &Case,
+        bodies: &Bodies,
+        tracked: &[Tracked],
+        folder: &Path,
+        after: Option<f64>,
+    ) -> Result<Option<Self>, Error> {
+        let Some(every) = case.output.bodies_every else { return Ok(None) };
+        let comm = bodies.ranks.comm();
+        let mut corners = Vec::new();
+        let mut triangles: Vec<[u64; 3]> = Vec::new();
+        let mut n = 0;
+        for cluster in &bodies.world.clusters {
+            let surface = cluster.form.shape.surface(FACET * cluster.form.radius);
+            let global = |t: &[u32; 3]| t.map(|v| n + u64::from(v));
+            triangles.extend(surface.triangles.iter().map(global));
+            let first = n;
+            n += surface.vertices.len() as u64;
+            corners.push((surface.vertices, first));
+        }
+        let path = folder.join("bodies.vtkhdf");
+        let surfaces = match after {
+            None => MovingFile::create(comm, &path, n, &triangles, &FIELDS)?,
+            Some(t) => MovingFile::resume(comm, &path, t, n, &triangles, &FIELDS)?,
+        };
+        let open = |name: &str, columns: &[(&str, &str)]| {
+            let path = folder.join(name);
+            let opened = match (comm.rank(), after) {
+                (0, None) => TableWriter::create(&path, columns).map(Some),
+                (0, Some(t)) => TableWriter::resume(&path, t, columns).map(Some),
+                _ => Ok(None),
+            };
+            Error::agree(comm, opened)
+        };
+        let names: Vec<(String, &str)> = tracked
+            .iter()
+            .flat_map(|p| ["x", "y", "z"].map(|axis| (format!("{}_{axis}", p.name), "m")))
+            .collect();
+        let mut columns = COLUMNS.to_vec();
+        columns.extend(names.iter().map(|(name, unit)| (&**name, *unit)));
+        Ok(Some(Self {
+            surfaces,
+            table: open("bodies.csv", &columns)?,
+            bonds: open("bonds.csv", &BONDS)?,
+            schedule: Schedule::new(every, after),
+            tracked: tracked.to_vec(),
+            written: bodies.breaks.len(),
+            corners,
+        }))
+    }
+
+    /// When they are next due [s].
+    pub fn next_time(&self) -> f64 {
+        self.schedule.next_time()
+    }
+
+    /// Writes faces that came off, and the rest if it is due. Collective.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_if_due(&mut self, t: f64, bodies: &Bodies) -> Result<(), Error> {
+        if !self.schedule.take(t) {
+            return Ok(());
+        }
+        self.write_breaks(bodies)?;
+        self.write_line(t, bodies)?;
+        let damage = damage(bodies);
+        let (mut ids, mut points) = (Vec::new(), Vec::new());
+        let mut fields = [const { Vec::new() }; 4];
+        for &c in bodies.ranks.owned() {
+            let c = c as usize;
+            let (corners, first) = &self.corners[c];
+            let pose = &bodies.state.pose[c];
+            let (velocity, spin) = (bodies.state.velocity[c], bodies.spin(c));
+            for (id, &corner) in (*first..).zip(corners) {
+                let x = pose.to_space(corner);
+                ids.push(id);
+                points.push(x.into());
+                let v: [f64; 3] = (velocity + spin.cross(&(x - pose.position))).into();
+                fields[0].extend(v);
+                fields[1].push(damage[c]);
+                fields[2].push(c as f64);
+                fields[3].push(f64::from(bodies.world.clusters[c].group));
+            }
+        }
+        self.surfaces.append(t, &ids, &points, &fields.each_ref().map(|f| &f[..]))
+    }
+
+    fn write_breaks(&mut self, bodies: &Bodies) -> Result<(), Error> {
+        let mine: Vec<[f64; 5]> = bodies.breaks[self.written..]
+            .iter()
+            .map(|b| [b.t, b.place.x, b.place.y, b.place.z, f64::from(b.joint)])
+            .collect();
+        self.written = bodies.breaks.len();
+        let mut all = bodies.ranks.comm().all_gather(&mine).concat();
+        all.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[4].total_cmp(&b[4])));
+        let mut written = Ok(());
+        if let Some(table) = &mut self.bonds {
+            for [t, x, y, z, face] in all {
+                let joint = bodies.joints.joints[face as usize];
+                let area = bodies.joints.areas(face as usize).0;
+                let row = [t, x, y, z, joint.a.into(), joint.b.into(), face, area];
+                written = written.and_then(|()| table.row(&row));
+            }
+        }
+        Error::agree(bodies.ranks.comm(), written)
+    }
+
+    fn write_line(&mut self, t: f64, bodies: &Bodies) -> Result<(), Error> {
+        let account = bodies.account();
+        let mut values = vec![0.0; 2 + 3 * self.tracked.len()];
+        for (j, joint) in bodies.joints.joints.iter().enumerate() {
+            if bodies.ranks.is_owned()[joint.a as usize] {
+                values[0] += f64::from(u8::from(bodies.joints.alive[j] == 0));
+                values[1] += bodies.joints.areas(j).1;
+            }
+        }
+        for (i, p) in self.tracked.iter().enumerate() {
+            if bodies.ranks.is_owned()[p.cluster as usize] {
+                let x: [f64; 3] = bodies.state.pose[p.cluster as usize].to_space(p.local).into();
+                values[2 + 3 * i..5 + 3 * i].copy_from_slice(&x);
+            }
+        }
+        bodies.ranks.comm().sum_all(&mut values);
+        let mut row = vec![t];
+        row.extend(account.to_array());
+        row.push(account.total());
+        row.extend(&values[..2]);
+        row.push(bodies.ranks.comm().max(bodies.deepest()));
+        row.extend(&values[2..]);
+        let written = self.table.as_mut().map_or(Ok(()), |table| table.row(&row));
+        Error::agree(bodies.ranks.comm(), written)
+    }
+}
+
+/// Broken over glued area of each cluster; 0 where nothing was glued.
+fn damage(bodies: &Bodies) -> Vec<f64> {
+    let mut areas = vec![[0.0; 2]; bodies.state.len()];
+    let joints = &bodies.joints;
+    for joint in &joints.joints {
+        for p in joint.first as usize..joint.end as usize {
+            for c in [joint.a, joint.b].map(|c| c as usize) {
+                areas[c][0] += joints.area[p];
+                if joints.largest[p] == BROKEN {
+                    areas[c][1] += joints.area[p];
+                }
+            }
+        }
+    }
+    areas.into_iter().map(|[all, broken]| if all > 0.0 { broken / all } else { 0.0 }).collect()
+}
