@@ -113,6 +113,13 @@ impl Joints {
             })
     }
 
+    /// Counts the unbroken points of a joint.
+    pub fn recount(&mut self, joint: u32) {
+        let j = &self.joints[joint as usize];
+        let points = &self.largest[j.first as usize..j.end as usize];
+        self.alive[joint as usize] = points.iter().filter(|&&d| d != BROKEN).count() as u32;
+    }
+
     /// Area of a joint and how much of it is broken [m²].
     pub fn areas(&self, joint: usize) -> (f64, f64) {
         let j = &self.joints[joint];
@@ -218,6 +225,9 @@ impl Joints {
                 }
                 let size = open.norm();
                 if size >= law.opening {
+                    if bonded && delta_n < 0.0 && counted[a] {
+                        account.fracture += 0.5 * stiffness * delta_n * delta_n * self.area[p];
+                    }
                     self.largest[p] = BROKEN;
                     self.alive[j as usize] -= 1;
                     continue;

@@ -6,7 +6,7 @@ use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
 use super::motion::{self, Load};
 use super::neighbours::Neighbours;
-use super::ownership::Ownership;
+use super::ownership::{Luggage, Ownership};
 use super::time_step::longest_stable;
 use nalgebra::Vector3;
 
@@ -245,14 +245,14 @@ impl Bodies {
     fn refresh(&mut self) {
         let margin = self.near.skin + self.joints.widest_opening();
         let touches = self.near.touches();
-        let touches = self.ranks.migrate(
-            &self.world,
-            &mut self.state,
-            &mut self.twists,
-            &mut self.joints,
-            touches,
-            margin,
-        );
+        let luggage = Luggage {
+            state: &mut self.state,
+            twists: &mut self.twists,
+            loads: &mut self.loads,
+            before: &mut self.before,
+            joints: &mut self.joints,
+        };
+        let touches = self.ranks.migrate(&self.world, luggage, touches, margin);
         let (joints, ranks) = (&self.joints, &self.ranks);
         self.near.rebuild(
             &self.state,
@@ -328,7 +328,9 @@ impl Bodies {
             }
         }
         account.contact = contact::elastic_energy(&self.state, &self.near, &self.world, owned);
-        (account.bonds, account.fracture) = self.joints.energy(&self.state, owned);
+        let (stored, spent) = self.joints.energy(&self.state, owned);
+        account.bonds = stored;
+        account.fracture += spent;
         Account::from_array(self.ranks.sum(account.to_array()))
     }
 

@@ -5,6 +5,7 @@
 //! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`. Last, a
 //! panic on one rank must end all of them.
 
+mod bodies;
 mod communication;
 mod gauges;
 mod linear;
@@ -45,6 +46,8 @@ const BODIES: &[(&str, Body)] = &[
     ("same_fields_on_any_ranks", simulation::same_fields_on_any_ranks),
     ("same_fields_in_a_closed_tank", simulation::same_fields_in_a_closed_tank),
     ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
+    ("a_wall_breaks_alike", bodies::a_wall_breaks_alike),
+    ("loose_bodies_cross_borders", bodies::loose_bodies_cross_borders),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 
