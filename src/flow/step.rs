@@ -103,7 +103,7 @@ impl Flow {
     pub fn new(case: &Case, part: &MeshPart, cut: &CutMesh, mut u: Vec<[f64; 3]>) -> Self {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
-        let constraints = Constraints::new(case, part, |i| cut.is_far_from_walls(i));
+        let constraints = Constraints::new(case, part, &cut.bodies_of_fluid(part));
         let mut p = vec![0.0; n];
         constraints.impose(part, 0.0, 0.0, &mut u, &mut p);
         cut.dry_nodes.iter().for_each(|&i| u[i as usize] = [0.0; 3]);
