@@ -15,7 +15,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["case", "cut", "fem", "flow", "linear", "mesh", "obstacles", "phase", "report", "setup"],
         &["io", "partition"],
     ),
-    ("obstacles", &["case", "cut", "mesh", "shape"], &["io"]),
+    ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
     ("setup", &["case", "cut", "flow", "mesh", "phase"], &["io", "partition"]),
     ("report", &["case", "fem", "flow", "mesh", "phase"], &["io"]),
     ("flow", &["case", "cut", "fem", "linear", "mesh"], &[]),

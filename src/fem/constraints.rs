@@ -116,10 +116,6 @@ impl Constraints {
             }
             nodes[i].pressure_given = u8::from(open_of[i] != u32::MAX);
         }
-        let pinned = references(case.gravity, part, fluid, |i| open_of[i] != u32::MAX);
-        for &node in &pinned {
-            nodes[node as usize].pressure_given = 1;
-        }
         part.exchange.update_ghosts(&mut nodes);
         moving_of.resize(part.n_local(), u32::MAX);
         open_of.resize(part.n_local(), u32::MAX);
@@ -128,14 +124,32 @@ impl Constraints {
         let listed = |of: Vec<u32>| -> Vec<(u32, u32)> {
             (0u32..).zip(of).filter(|&(_, b)| b != u32::MAX).collect()
         };
-        Self {
+        let mut constraints = Self {
             nodes,
             moving: listed(moving_of),
             velocities,
             open: listed(open_of),
             pressures,
-            pinned,
+            pinned: Vec::new(),
+        };
+        constraints.pin(case.gravity, part, fluid);
+        constraints
+    }
+
+    /// Pins the pressure of each body of fluid that has no open boundary; whether that changed anything. Collective.
+    pub fn pin(&mut self, gravity: [f64; 3], part: &MeshPart, fluid: &[FluidBody]) -> bool {
+        let mut open = vec![false; part.n_local()];
+        self.open.iter().for_each(|&(node, _)| open[node as usize] = true);
+        let pinned = references(gravity, part, fluid, |i| open[i]);
+        if !part.comm.any(pinned != self.pinned) {
+            return false;
         }
+        let before = std::mem::replace(&mut self.pinned, pinned);
+        for (list, given) in [(&before, 0), (&self.pinned, 1)] {
+            list.iter().for_each(|&node| self.nodes[node as usize].pressure_given = given);
+        }
+        part.exchange.update_ghosts(&mut self.nodes);
+        true
     }
 
     /// Sets what is fixed at time `t`: velocities at walls and inlets, pressures `p` at time
