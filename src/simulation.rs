@@ -4,7 +4,7 @@ mod checkpoint;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::{Case, MeshSource};
-use crate::cut::CutMesh;
+use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
@@ -235,9 +235,23 @@ impl Simulation {
                 })
                 .map_err(failed("free surface"))?;
             report.phase_iterations = moved.iterations;
+            clock.t_phase += dt_phase;
+        }
+        if let Some(obstacles) = self.obstacles.as_ref().filter(|o| o.move_at_all()) {
+            let before = std::mem::take(&mut self.cut);
+            let gravity = self.case.gravity;
+            self.cut = stages.time("cut", || obstacles.cut(part, t + dt));
+            let extension = Extension::new(part, &before, &self.cut, gravity);
+            if let Some(phase) = &mut self.phase {
+                stages.time("cut", || phase.follow(part, &self.cut, &extension));
+            }
+            if let Some(flow) = &mut self.flow {
+                flow.follow(part, &self.cut, &extension, gravity);
+            }
+        }
+        if let Some(phase) = &mut self.phase {
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
             self.material.set_phase(&phase.phi);
-            clock.t_phase += dt_phase;
         }
         if let Some(flow) = &mut self.flow {
             let surfaces = self.obstacles.as_ref().map_or(Vec::new(), |o| o.surfaces(t, dt));
@@ -293,7 +307,7 @@ impl Simulation {
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
-            let rate = courant_rate(&self.part, self.velocity());
+            let rate = courant_rate(&self.part, self.velocity()).max(self.wall_rate());
             let due = checkpoints.map(|schedule| schedule.next_time());
             let pictures = body_files.as_ref().map(|files| files.next_time());
             let due = output.next_time().into_iter().chain(due).chain(pictures);
@@ -339,6 +353,13 @@ impl Simulation {
             Ok(())
         };
         io::Error::agree(&self.part.comm, made)
+    }
+
+    /// Cells that the fastest wall crosses a second.
+    fn wall_rate(&self) -> f64 {
+        // Before the first step, their speed at once.
+        let (t, dt) = (self.clock.t, self.clock.dt.max(1e-9 * self.case.time.end));
+        self.obstacles.as_ref().map_or(0.0, |o| o.speed(t, dt) / self.smallest)
     }
 
     /// u at local nodes [m/s], computed or given.

@@ -27,7 +27,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["io", "partition"],
     ),
-    ("obstacles", &["case", "cut", "mesh", "shape"], &["io"]),
+    ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
     ("setup", &["bodies", "case", "cut", "flow", "mesh", "phase", "shape"], &["io", "partition"]),
     ("report", &["bodies", "case", "fem", "flow", "mesh", "phase"], &["io"]),
     ("flow", &["case", "cut", "fem", "linear", "mesh"], &[]),

@@ -3,7 +3,9 @@
 use super::ghost::GhostFace;
 use super::level_set::LevelSet;
 use super::tetrahedron::{Part, Pieces, cut};
+use crate::fem::constraints::FluidBody;
 use crate::fem::region::Region;
+use crate::mesh::connected::connected;
 use crate::mesh::tetrahedron::Tetrahedron;
 use crate::mesh::{FACES, Mesh, MeshPart};
 
@@ -125,9 +127,14 @@ impl CutMesh {
         self.distance.get(i).is_none_or(|d| *d > 0.0)
     }
 
-    /// Whether all elements around local node `i` are whole.
-    pub fn is_far_from_walls(&self, i: usize) -> bool {
-        self.far.get(i).is_none_or(|far| *far == 1)
+    /// The connected bodies of fluid; empty without structures. Collective.
+    pub fn bodies_of_fluid(&self, part: &MeshPart) -> Vec<FluidBody> {
+        if self.state.is_empty() {
+            return Vec::new();
+        }
+        let names = connected(part, |i| self.distance[i] > 0.0);
+        let body = |(name, far): (u64, &u8)| FluidBody { name, near_wall: *far == 0 };
+        names.into_iter().zip(&self.far).map(body).collect()
     }
 
     /// The cut elements among those that this rank integrates over.

@@ -8,6 +8,7 @@
 use super::{dot, norm, triangle_normal};
 use crate::case::{Boundary, Case, Formula};
 use crate::mesh::MeshPart;
+use crate::mesh::connected::NONE;
 
 /// Walls whose normals differ by less than this are one smooth wall: cos 30°.
 const SMOOTH: f64 = 0.866_025_403_784_438_6;
@@ -50,15 +51,15 @@ pub struct Constraints {
     /// Nodes with a given pressure: node, index into `pressures`.
     open: Vec<(u32, u32)>,
     pressures: Vec<Formula>,
-    /// The one owned node whose pressure is pinned to zero, if this rank owns it: a closed tank has
-    /// no other reference.
-    pub pinned: Option<u32>,
+    /// Owned nodes whose pressure is pinned to zero: a body of fluid without an open boundary has no other
+    /// reference.
+    pub pinned: Vec<u32>,
 }
 
 impl Constraints {
-    /// From the case's boundary conditions; `reference` says of a local node whether the
-    /// pressure may be pinned there. Collective.
-    pub fn new(case: &Case, part: &MeshPart, reference: impl Fn(usize) -> bool) -> Self {
+    /// From the case's boundary conditions; `fluid` names the connected body of
+    /// fluid of each local node (empty: all one). Collective.
+    pub fn new(case: &Case, part: &MeshPart, fluid: &[FluidBody]) -> Self {
         let mesh = &part.mesh;
         let conditions: Vec<&Boundary> =
             mesh.boundary_names.iter().map(|name| case.boundary(name)).collect();
@@ -115,11 +116,6 @@ impl Constraints {
             }
             nodes[i].pressure_given = u8::from(open_of[i] != u32::MAX);
         }
-        let anything_open = part.comm.any(open_of.iter().any(|&o| o != u32::MAX));
-        let pinned = if anything_open { None } else { highest_node(case.gravity, part, reference) };
-        if let Some(node) = pinned {
-            nodes[node as usize].pressure_given = 1;
-        }
         part.exchange.update_ghosts(&mut nodes);
         moving_of.resize(part.n_local(), u32::MAX);
         open_of.resize(part.n_local(), u32::MAX);
@@ -128,14 +124,32 @@ impl Constraints {
         let listed = |of: Vec<u32>| -> Vec<(u32, u32)> {
             (0u32..).zip(of).filter(|&(_, b)| b != u32::MAX).collect()
         };
-        Self {
+        let mut constraints = Self {
             nodes,
             moving: listed(moving_of),
             velocities,
             open: listed(open_of),
             pressures,
-            pinned,
+            pinned: Vec::new(),
+        };
+        constraints.pin(case.gravity, part, fluid);
+        constraints
+    }
+
+    /// Pins the pressure of each body of fluid that has no open boundary; whether that changed anything. Collective.
+    pub fn pin(&mut self, gravity: [f64; 3], part: &MeshPart, fluid: &[FluidBody]) -> bool {
+        let mut open = vec![false; part.n_local()];
+        self.open.iter().for_each(|&(node, _)| open[node as usize] = true);
+        let pinned = references(gravity, part, fluid, |i| open[i]);
+        if !part.comm.any(pinned != self.pinned) {
+            return false;
         }
+        let before = std::mem::replace(&mut self.pinned, pinned);
+        for (list, given) in [(&before, 0), (&self.pinned, 1)] {
+            list.iter().for_each(|&node| self.nodes[node as usize].pressure_given = given);
+        }
+        part.exchange.update_ghosts(&mut self.nodes);
+        true
     }
 
     /// Sets what is fixed at time `t`: velocities at walls and inlets, pressures `p` at time
@@ -158,7 +172,7 @@ impl Constraints {
             let formula = &self.velocities[b as usize];
             u[node as usize] = std::array::from_fn(|k| formula[k].at(x, t));
         }
-        if let Some(node) = self.pinned {
+        for &node in &self.pinned {
             p[node as usize] = 0.0;
         }
         for &(node, b) in &self.open {
@@ -197,17 +211,48 @@ fn projector(walls: &[[f64; 3]]) -> [[f64; 3]; 3] {
     free
 }
 
-/// The fit owned node highest against gravity, if it is here: ties by lowest global id. Collective.
-fn highest_node(gravity: [f64; 3], part: &MeshPart, fit: impl Fn(usize) -> bool) -> Option<u32> {
-    let depth = |i: usize| dot(gravity, part.mesh.nodes[i]);
-    let mine = (0..part.n_owned())
-        .filter(|&i| fit(i))
-        .map(|i| (depth(i), part.nodes.global[i], i as u32))
-        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let lowest = part.comm.min(mine.map_or(f64::INFINITY, |m| m.0));
-    let id = mine.filter(|m| m.0 == lowest).map_or(u64::MAX, |m| m.1);
-    let first = part.comm.all_gather(&[id]).into_iter().map(|v| v[0]).min();
-    mine.filter(|m| m.0 == lowest && Some(m.1) == first).map(|m| m.2)
+/// The body of fluid that a node is in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FluidBody {
+    /// `mesh::connected::NONE` without fluid.
+    pub name: u64,
+    /// Whether the pressure should rather be pinned in another node.
+    pub near_wall: bool,
+}
+
+/// A candidate for the reference of its body of fluid, best first.
+type Candidate = (u64, (u8, u64, u64));
+
+/// In each body of fluid without an open node, the node highest against gravity, ties by lowest global id; of
+/// those, the ones owned here. Collective.
+fn references(
+    gravity: [f64; 3],
+    part: &MeshPart,
+    fluid: &[FluidBody],
+    open: impl Fn(usize) -> bool,
+) -> Vec<u32> {
+    let mut best = std::collections::BTreeMap::<u64, (u8, u64, u64)>::new();
+    let candidate = |i: usize| -> Option<Candidate> {
+        let body = fluid.get(i).copied().unwrap_or(FluidBody { name: 0, near_wall: false });
+        // Depths in an order that integers keep.
+        let bits = (dot(gravity, part.mesh.nodes[i]) + 0.0).to_bits();
+        let depth = if bits >> 63 == 1 { !bits } else { bits | 1 << 63 };
+        let class = if open(i) { 0 } else { 1 + u8::from(body.near_wall) };
+        (body.name != NONE).then_some((body.name, (class, depth, part.nodes.global[i])))
+    };
+    for (name, key) in (0..part.n_owned()).filter_map(candidate) {
+        best.entry(name).and_modify(|b| *b = key.min(*b)).or_insert(key);
+    }
+    let mine: Vec<_> = best.iter().map(|(n, k)| [*n, u64::from(k.0), k.1, k.2]).collect();
+    best.clear();
+    for [name, class, depth, id] in part.comm.all_gather(&mine).into_iter().flatten() {
+        let key = (class as u8, depth, id);
+        best.entry(name).and_modify(|b| *b = key.min(*b)).or_insert(key);
+    }
+    let wanted = |i: &usize| {
+        candidate(*i).is_some_and(|(name, key)| key.0 > 0 && best.get(&name) == Some(&key))
+    };
+    (0..part.n_owned()).filter(wanted).map(|i| i as u32).collect()
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::wall::{Method, WallElement};
 use super::weak_form::Element;
 use crate::case::{Boundary, Case, Formula};
 use crate::cut::tetrahedron::cut_face;
-use crate::cut::{Cell, CutElement, CutMesh, Surface};
+use crate::cut::{Cell, CutElement, CutMesh, Extension, Surface};
 use crate::fem::constraints::{Constraints, FREE};
 use crate::fem::region::{Region, Whole};
 use crate::fem::tetrahedron::Tetrahedron;
@@ -103,22 +103,12 @@ impl Flow {
     pub fn new(case: &Case, part: &MeshPart, cut: &CutMesh, mut u: Vec<[f64; 3]>) -> Self {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
-        let constraints = Constraints::new(case, part, |i| cut.is_far_from_walls(i));
+        let constraints = Constraints::new(case, part, &cut.bodies_of_fluid(part));
         let mut p = vec![0.0; n];
         constraints.impose(part, 0.0, 0.0, &mut u, &mut p);
         cut.dry_nodes.iter().for_each(|&i| u[i as usize] = [0.0; 3]);
         let (matrix, slots) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
         let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
-        let mut constrained_entries = Vec::new();
-        for i in 0..matrix.n_rows() {
-            for entry in matrix.row(i) {
-                let j = matrix.columns[entry];
-                let (ci, cj) = (&constraints.nodes[i], &constraints.nodes[j as usize]);
-                if !ci.is_free() || !cj.is_free() {
-                    constrained_entries.push((entry as u32, i as u32, j));
-                }
-            }
-        }
         let open_faces = part
             .mesh
             .boundary
@@ -134,7 +124,7 @@ impl Flow {
         let smallest = part.comm.min(sizes.fold(f64::INFINITY, f64::min));
         let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix);
         let preconditioner = SchurPreconditioner::new(&halo);
-        Self {
+        let mut flow = Self {
             u_old: u.clone(),
             u,
             p,
@@ -161,11 +151,47 @@ impl Flow {
             pressure,
             slots,
             across: Vec::new(),
-            constrained_entries,
+            constrained_entries: Vec::new(),
             halo,
             weights: Vec::new(),
             preconditioner,
             workspace: Workspace::default(),
+        };
+        flow.list_constrained();
+        flow
+    }
+
+    /// Matrix entries that the constraints change.
+    fn list_constrained(&mut self) {
+        let nodes = &self.constraints.nodes;
+        self.constrained_entries.clear();
+        for i in 0..self.matrix.n_rows() {
+            for entry in self.matrix.row(i) {
+                let j = self.matrix.columns[entry];
+                if !nodes[i].is_free() || !nodes[j as usize].is_free() {
+                    self.constrained_entries.push((entry as u32, i as u32, j));
+                }
+            }
+        }
+    }
+
+    /// The structures have moved: nodes that are wet now and were not take their history from `extension`.
+    /// Collective.
+    pub fn follow(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        extension: &Extension,
+        gravity: [f64; 3],
+    ) {
+        for u in [&mut self.u, &mut self.u_old] {
+            extension.apply(part, u);
+            cut.dry_nodes.iter().for_each(|&i| u[i as usize] = [0.0; 3]);
+        }
+        let (p, _) = self.p.as_chunks_mut::<1>();
+        extension.apply(part, p);
+        if self.constraints.pin(gravity, part, &cut.bodies_of_fluid(part)) {
+            self.list_constrained();
         }
     }
 

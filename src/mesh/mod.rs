@@ -3,6 +3,7 @@
 pub mod balance;
 pub mod boxes;
 pub mod chord;
+pub mod connected;
 pub mod error;
 mod faces;
 pub mod import;

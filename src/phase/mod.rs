@@ -10,7 +10,8 @@
 //! convective step and why it conserves · `convection` its elements · `boundary` flux through faces · `inflow` φ prescribed · `regularise` R in ψ form ·
 //! `plain` R as the paper has it · `water` connected bodies · `volume` correction and ledger.
 //!
-//! Where a structure cuts an element, its integrals run over the fluid part and φ* = φ_h.
+//! Where a structure cuts an element, its integrals run over the fluid part and φ* = φ_h; `margin` φ at its nodes
+//! inside the structure.
 //!
 //! May name `cut`, `mesh`, `fem`, `linear`, `case`; knows nothing of the flow that makes the velocity.
 
@@ -18,6 +19,7 @@ mod boundary;
 mod convection;
 pub mod inflow;
 pub mod initial;
+mod margin;
 mod plain;
 pub mod profile;
 mod regularise;
@@ -28,7 +30,7 @@ pub mod volume;
 pub mod water;
 
 use crate::case::{self, FreeSurface, Regularisation, VolumeCorrection};
-use crate::cut::{Cell, CutMesh};
+use crate::cut::{Cell, CutMesh, Extension};
 use crate::fem::dot;
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
@@ -82,6 +84,10 @@ pub struct Phase {
     /// Lumped mass, and its inverse, of local nodes.
     lumped: Vec<f64>,
     inverse_lumped: Vec<f64>,
+    /// Nodes inside structures with fluid around them.
+    margin: margin::Margin,
+    /// Volume of fluid around local nodes over their lumped mass.
+    ratio: Vec<f64>,
     /// λ_e of `regularise`.
     stiffness: Vec<f32>,
     solver: transport::Solver,
@@ -129,7 +135,9 @@ impl Phase {
             inflow: vec![0.0; n],
             inverse_lumped: Vec::new(),
             lumped: Vec::new(),
-            stiffness: Vec::new(),
+            margin: margin::Margin::default(),
+            ratio: vec![0.0; n],
+            stiffness: vec![0.0; part.mesh.tets.len()],
             solver: transport::Solver::new(part),
             profile: Profile::default(),
             before: phi.clone(),
@@ -169,8 +177,21 @@ impl Phase {
         let inverse = |m: f64| if m > 0.0 { 1.0 / m } else { 0.0 };
         self.lumped = sums.iter().map(|s| s[1]).collect();
         self.inverse_lumped = sums.iter().map(|s| inverse(s[1])).collect();
-        let ratio: Vec<f64> = sums.iter().map(|s| s[0] * inverse(s[1])).collect();
-        self.stiffness = regularise::stiffness(&part.mesh, &ratio);
+        self.margin = margin::Margin::new(part, cut);
+        let mut ratio: Vec<f64> = sums.iter().map(|s| s[0] * inverse(s[1])).collect();
+        // They take no part in the sub-steps.
+        self.margin.nodes.iter().for_each(|&i| ratio[i as usize] = 4.0);
+        regularise::set_stiffness(&part.mesh, &self.ratio, &ratio, &mut self.stiffness);
+        self.ratio = ratio;
+    }
+
+    /// The structures have moved: nodes that are wet now and were not take φ from `extension`. Water that cells
+    /// gain or lose beyond what the walls displaced is left to `restore_volume`. Collective.
+    pub fn follow(&mut self, part: &MeshPart, cut: &CutMesh, extension: &Extension) {
+        let (phi, _) = self.phi.as_chunks_mut::<1>();
+        extension.apply(part, phi);
+        self.set_geometry(part, cut);
+        cut.dry_nodes.iter().for_each(|&i| self.excess[i as usize] = 0.0);
     }
 
     /// One step of length `dt` with the velocity at its middle. Collective.
@@ -200,6 +221,7 @@ impl Phase {
         if self.form == Form::Psi {
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
+        margin::settle(self, part);
         Ok(report)
     }
 

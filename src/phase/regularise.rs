@@ -35,16 +35,18 @@ const GATE: f64 = 0.1;
 
 /// λ_e = λ_max(Σ_i r_i ∇N_i ∇N_iᵀ) of every element [1/m²], where r_i is the volume of fluid around node i over
 /// its lumped mass, 4 but near structures: a bound for the eigenvalues of `Σ_e V_e ∇N_i·∇N_j / m_i`.
-pub(super) fn stiffness(mesh: &Mesh, ratio: &[f64]) -> Vec<f32> {
-    (mesh.tets.iter().enumerate())
-        .map(|(e, tet)| {
+///
+/// Found anew where the ratios are no longer those `before`.
+pub(super) fn set_stiffness(mesh: &Mesh, before: &[f64], ratio: &[f64], stiffness: &mut [f32]) {
+    for (e, tet) in mesh.tets.iter().enumerate() {
+        let n = tet.map(|n| n as usize);
+        if n.iter().any(|&i| ratio[i] != before[i]) {
             let g = Tetrahedron::of(mesh, e).grad;
-            let entry = |r: usize, c: usize| {
-                (0..4).map(|i| ratio[tet[i] as usize] * g[i][r] * g[i][c]).sum::<f64>()
-            };
-            Matrix3::from_fn(entry).symmetric_eigenvalues().max() as f32
-        })
-        .collect()
+            let entry =
+                |r: usize, c: usize| (0..4).map(|i| ratio[n[i]] * g[i][r] * g[i][c]).sum::<f64>();
+            stiffness[e] = Matrix3::from_fn(entry).symmetric_eigenvalues().max() as f32;
+        }
+    }
 }
 
 /// `phase.phi` regularised over Δt with Γ = `speed`; returns the number of sub-steps. Collective.
@@ -119,9 +121,19 @@ fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f
         for i in 0..4 {
             let at = tet[i] as usize;
             if at < n_owned {
-                phase.phi[at] -= flux * dot(t.grad[i], r) * phase.inverse_lumped[at];
+                add_liquid(phase, at, -flux * dot(t.grad[i], r));
             }
         }
+    }
+}
+
+/// Liquid [m³] for node `i`.
+#[inline]
+fn add_liquid(phase: &mut Phase, i: usize, volume: f64) {
+    if phase.margin.contains(i) {
+        phase.margin.parked[i] += volume;
+    } else {
+        phase.phi[i] += volume * phase.inverse_lumped[i];
     }
 }
 
@@ -169,7 +181,7 @@ fn diffuse_overshoot(
     for i in 0..4 {
         let at = tet[i] as usize;
         if at < part.n_owned() {
-            phase.phi[at] -= flux * dot(t.grad[i], grad) * phase.inverse_lumped[at];
+            add_liquid(phase, at, -flux * dot(t.grad[i], grad));
         }
     }
 }

@@ -268,6 +268,10 @@ fn residual(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>
     for &(i, _) in given.inflow {
         r[i as usize] = 0.0;
     }
+    for i in phase.margin.nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
+        phase.margin.parked[i] = -r[i] * phase.lumped[i];
+        r[i] = 0.0;
+    }
     s.residual = r;
 }
 
@@ -284,8 +288,8 @@ fn add_plain(phase: &Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, o
     }
 }
 
-/// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ, and of
-/// nodes without fluid, become φ_i = given. The preconditioner follows.
+/// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ, of the
+/// margin and of nodes without fluid become φ_i = given. The preconditioner follows.
 fn set_matrix(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, newton: bool) {
     phase.solver.matrix.values.clone_from(&phase.solver.chord);
     if newton {
@@ -293,7 +297,8 @@ fn set_matrix(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'
     }
     let Solver { matrix, smoother, .. } = &mut phase.solver;
     let given = given.inflow.iter().map(|&(i, _)| i);
-    let fixed = given.chain(cut.dry_nodes.iter().copied()).map(|i| i as usize);
+    let fixed = given.chain(cut.dry_nodes.iter().chain(&phase.margin.nodes).copied());
+    let fixed = fixed.map(|i| i as usize);
     for i in fixed.filter(|&i| i < part.n_owned()) {
         for at in matrix.row(i) {
             matrix.values[at] = [[0.0]];

@@ -13,10 +13,11 @@
 
 use super::Phase;
 use super::profile::{OUTER, logit, moments, profile_weight, sigmoid};
-use super::water::{NONE, bodies_of_water, contacts, root};
+use super::water::{NONE, bodies_of_water, contacts};
 use crate::case::VolumeCorrection;
 use crate::cut::{Cell, CutMesh};
 use crate::mesh::MeshPart;
+use crate::mesh::connected::root;
 use std::collections::BTreeMap;
 
 /// Bodies smaller than this many h³ are left alone.

@@ -1,18 +1,16 @@
 //! Connected bodies of water: nodes with φ > ½ joined by element edges (that do not run inside a structure), and the band around each.
 //!
-//! A body's name is its smallest global node number, so it does not depend on the ranks. Names are
-//! found by union-find on each rank, then by passing owners' names to ghosts until nothing changes: an
-//! edge that joins two ranks' nodes is seen by both. The band (φ(1−φ) above its outer limit) is added
+//! A body's name is its smallest global node number, so it does not depend on the ranks (`mesh::connected`).
+//! Nodes of air, and of spray that is nowhere wetter than ½, have none. The band (φ(1−φ) above its outer limit) is added
 //! node layer by node layer, each node joining its wettest named neighbour.
 
 use super::profile::OUTER;
 use crate::cut::CutMesh;
 use crate::linear::BlockCsr;
 use crate::mesh::MeshPart;
+pub use crate::mesh::connected::NONE;
+use crate::mesh::connected::connected;
 use std::collections::BTreeSet;
-
-/// The name of no body: air, and spray that is nowhere wetter than ½.
-pub const NONE: u64 = u64::MAX;
 
 /// The body of each local node. Collective.
 pub fn bodies_of_water(
@@ -21,52 +19,9 @@ pub fn bodies_of_water(
     graph: &BlockCsr<1>,
     phi: &[f64],
 ) -> Vec<u64> {
-    let mut names = connected(part, cut, graph, phi);
+    let mut names = connected(part, |i| phi[i] > 0.5 && cut.is_in_fluid(i));
     add_band(part, cut, graph, phi, &mut names);
     names
-}
-
-/// The root of `i`; halves the path to it.
-pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
-
-fn connected(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64]) -> Vec<u64> {
-    let n = part.n_local();
-    let wet = |i: usize| phi[i] > 0.5 && cut.is_in_fluid(i);
-    let mut parent: Vec<u32> = (0..n as u32).collect();
-    for i in (0..part.n_owned()).filter(|&i| wet(i)) {
-        for &j in &graph.columns[graph.row(i)] {
-            if wet(j as usize) {
-                let (a, b) = (root(&mut parent, i as u32), root(&mut parent, j));
-                parent[a.max(b) as usize] = a.min(b);
-            }
-        }
-    }
-    for i in 0..n as u32 {
-        parent[i as usize] = root(&mut parent, i);
-    }
-    let mut names: Vec<u64> =
-        (0..n).map(|i| if wet(i) { part.nodes.global[i] } else { NONE }).collect();
-    loop {
-        // Roots come before their members.
-        for i in 0..n {
-            let r = parent[i] as usize;
-            names[r] = names[r].min(names[i]);
-        }
-        for i in 0..n {
-            names[i] = names[parent[i] as usize];
-        }
-        let ghosts = names[part.n_owned()..].to_vec();
-        part.exchange.update_ghosts(&mut names);
-        if !part.comm.any(ghosts != names[part.n_owned()..]) {
-            return names;
-        }
-    }
 }
 
 fn add_band(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {

@@ -2,6 +2,7 @@
 //! ranks; on the same number, bit for bit.
 
 use super::{Clock, RunError, Simulation};
+use crate::cut::Extension;
 use crate::phase::State;
 use io::checkpoint::{self, Checkpoint, Group, Values};
 use std::path::{Path, PathBuf};
@@ -101,6 +102,16 @@ impl Simulation {
             t_phase: scalar("t_phase")?,
             dt: scalar("dt")?,
         };
+        if let Some(obstacles) = self.obstacles.as_ref().filter(|o| o.move_at_all()) {
+            self.cut = obstacles.cut(part, self.clock.t);
+            let nothing = Extension::default();
+            if let Some(phase) = &mut self.phase {
+                phase.follow(part, &self.cut, &nothing);
+            }
+            if let Some(flow) = &mut self.flow {
+                flow.follow(part, &self.cut, &nothing, self.case.gravity);
+            }
+        }
         Ok(())
     }
 

@@ -1,0 +1,117 @@
+//! Water with a free surface around obstacles that are cut out of the mesh.
+
+use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::simulation::Simulation;
+use partition::Communicator;
+
+fn simulation(text: &str) -> Simulation {
+    let sources = Sources {
+        file: "case.toml".into(),
+        folder: "/".into(),
+        text: text.into(),
+        tables: Default::default(),
+    };
+    let case = Case::new(&sources).unwrap_or_else(|error| panic!("{error}"));
+    Simulation::new(case, &Communicator::single()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Largest speed at nodes with fluid [m/s].
+fn top_speed(run: &Simulation) -> f64 {
+    let cut = &run.cut;
+    let speeds = run.velocity().iter().enumerate().filter(|(i, _)| cut.is_in_fluid(*i));
+    speeds.map(|(_, u)| fcm_fsi::fem::norm(*u)).fold(0.0, f64::max)
+}
+
+/// Bodies at the waterline, at odd angles, on a jittered mesh: nothing moves, and they bear the weight of the
+/// water they displace.
+#[test]
+fn still_water_around_half_submerged_bodies() {
+    let mut run = simulation(
+        r#"
+        mesh = { box = { x = [0, 1], y = [0, 0.6], z = [0, 0.6], cells = [20, 12, 12] }, jitter = 0.15 }
+        boundaries.default = "slip"
+        initial.water = "z < 0.3012"
+        air = {}
+        time = { end = 1, max_step = 0.01 }
+        [[obstacle]]
+        name = "ball"
+        sphere = 0.13
+        at = [0.28, 0.31, 0.29]
+        [[obstacle]]
+        name = "cube"
+        cuboid = [0.2, 0.2, 0.2]
+        at = [0.7, 0.29, 0.31]
+        turned = [17, 45, 10]
+        "#,
+    );
+    for _ in 0..40 {
+        run.step(0.01).unwrap();
+    }
+    let top = top_speed(&run);
+    assert!(top < 1e-7, "{top}");
+    // Archimedes, with the density of the diffuse surface in the discrete bodies.
+    let mut weight = [0.0; 2];
+    let cut = &run.cut;
+    for (e, tet) in run.part.mesh.tets.iter().enumerate() {
+        let x = run.part.mesh.corners(e);
+        let t = fcm_fsi::mesh::tetrahedron::Tetrahedron::new(x);
+        let dry = t.volume - cut.fluid_volume(&run.part.mesh, e);
+        let m = run.material.element(tet, &x, &t);
+        let left = x.iter().map(|x| x[0]).sum::<f64>() < 2.0;
+        weight[usize::from(!left)] += 9.81 * m.rho * dry;
+    }
+    for (load, weight) in run.loads.iter().zip(weight) {
+        let f = load.reaction.force;
+        assert!((f[2] / weight - 1.0).abs() < 0.01, "{f:?} {weight}");
+        assert!(f[0].hypot(f[1]) < 1e-3 * weight, "{f:?}");
+        assert!((load.traction.force[2] / f[2] - 1.0).abs() < 1e-6);
+    }
+}
+
+/// Water held back by a wall of twice the mesh size, wherever it stands: none of it passes.
+#[test]
+fn a_wall_holds_water_back() {
+    for offset in [0.0, 0.013, 0.025, 0.049] {
+        let text = format!(
+            r#"
+            mesh.box = {{ x = [0, 1], y = [0, 0.1], z = [0, 0.5], cells = [20, 2, 10] }}
+            boundaries.default = "slip"
+            initial.water = "z < 0.3 - 9*(x > {0})"
+            air = {{}}
+            free_surface.volume_correction = "off"
+            time = {{ end = 1, max_step = 0.01 }}
+            [[obstacle]]
+            name = "wall"
+            cuboid = [0.1, 1, 2]
+            at = [{0}, 0.05, 0.25]
+            wall = "slip"
+            "#,
+            0.5 + offset
+        );
+        let mut run = simulation(&text);
+        // Water to the left of the wall.
+        let held = |run: &Simulation| -> f64 {
+            let phi = &run.phase.as_ref().unwrap().phi;
+            let mut sum = 0.0;
+            for (e, tet) in run.part.mesh.tets.iter().enumerate() {
+                let x = run.part.mesh.corners(e);
+                if x.iter().map(|x| x[0]).sum::<f64>() < 2.0 + 4.0 * offset {
+                    let mean = tet.iter().map(|&n| phi[n as usize]).sum::<f64>() / 4.0;
+                    sum += mean * run.cut.fluid_volume(&run.part.mesh, e);
+                }
+            }
+            sum
+        };
+        let before = held(&run);
+        for _ in 0..100 {
+            run.step(0.01).unwrap();
+        }
+        let lost = 1.0 - held(&run) / before;
+        assert!(top_speed(&run) < 1e-8, "{offset}: {}", top_speed(&run));
+        assert!(lost.abs() < 1e-6, "{offset}: {lost}");
+        // ½ρgh² a metre, and π²/6 ρgδ² more for a surface of thickness δ = h.
+        let force = run.loads[0].reaction.force[0];
+        let exact = 0.1 * 9810.0 * (0.5 * 0.09 + std::f64::consts::PI.powi(2) / 6.0 * 0.0025);
+        assert!((force / exact - 1.0).abs() < 0.02, "{force} {exact}");
+    }
+}
