@@ -2,10 +2,10 @@
 //! conservative phase field, distributed solvers. After Takase et al. 2015 (J. JSCE A2 71).
 //!
 //! ```text
-//!   main ─► setup, simulation ─► flow   phase         siblings never name each other
-//!                │                └─► cut ◄─┘          a cut element is an element with another quadrature
-//!                │                     ▼
-//!                │                    fem              constraints by boundary name, quadrature
+//!   main ─► setup, simulation ─► coupling ─► flow   phase   bodies     siblings never name each other
+//!                │                            └─► cut ◄─┘      ▼      a cut element: another quadrature
+//!                │                            ▼               shape    solids and their poses
+//!                │                           fem              constraints by boundary name, quadrature
 //!                ▼                     ▼
 //!             report ─► io            mesh              geometry; mesh::part alone meets the ranks
 //!                        └─► partition ◄┘   linear      sparse blocks, Krylov, multigrid: no physics
@@ -17,8 +17,7 @@
 //! - [`flow`]: velocity and pressure. [`phase`]: the free surface.
 //! - [`obstacles`]: structures of the case; [`shape`]: their geometry; [`cut`]: the mesh as they leave it.
 //! - [`fem`], [`mesh`], [`linear`]: what they stand on.
-//! - [`bodies`]: rigid clusters that collide, hold together and break.
-//! - [`shape`]: closed solids and where they stand.
+//! - [`bodies`]: rigid clusters that collide, hold together and break. [`coupling`]: they and the water.
 //! - [`report`]: gauges, files, progress, the summary.
 //!
 //! What stays true: kernels know nothing of ranks; matrix rows belong to the owner of the node and are
@@ -28,6 +27,7 @@
 
 pub mod bodies;
 pub mod case;
+pub mod coupling;
 pub mod cut;
 pub mod fem;
 pub mod flow;

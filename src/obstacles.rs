@@ -1,32 +1,27 @@
-//! The case's obstacles: shapes, where they stand at a time, how they move over a step, and the mesh as they
-//! leave it.
+//! The case's obstacles: shapes, where they stand at a time, how they move over a step.
 
 use crate::case::{self, Case, CaseError};
-use crate::cut::level_set::{LevelSet, Nodes, Solid, nearest};
-use crate::cut::{CutMesh, Motion, Surface, Wall};
+use crate::cut::level_set::Solid;
+use crate::cut::{Motion, Surface, Wall};
 use crate::fem::norm;
 use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
 
-/// All obstacles of a case that has some.
+/// All obstacles of a case.
 #[derive(Clone, Debug)]
 pub struct Obstacles {
     given: Vec<case::Obstacle>,
     shapes: Vec<Shape>,
-    nodes: Nodes,
 }
 
 impl Obstacles {
-    /// Reads their files; `None` if the case has none. Collective.
+    /// Reads their files. Collective.
     ///
     /// # Errors
     /// A file that cannot be read, a surface that is not closed: the key in the case file.
-    pub fn new(case: &Case, part: &MeshPart) -> Result<Option<Self>, CaseError> {
-        if case.obstacles.is_empty() {
-            return Ok(None);
-        }
+    pub fn new(case: &Case, part: &MeshPart) -> Result<Self, CaseError> {
         let mut shapes = Vec::new();
         for (i, obstacle) in case.obstacles.iter().enumerate() {
             let refused = |key: &str, message: String| {
@@ -46,7 +41,7 @@ impl Obstacles {
                 }
             });
         }
-        Ok(Some(Self { given: case.obstacles.clone(), shapes, nodes: Nodes::new(part) }))
+        Ok(Self { given: case.obstacles.clone(), shapes })
     }
 
     /// Names, in the order of their numbers.
@@ -82,17 +77,14 @@ impl Obstacles {
         }
     }
 
-    /// The mesh as they leave it at time `t`. Collective.
-    pub fn cut(&self, part: &MeshPart, t: f64) -> CutMesh {
-        let solids: Vec<Solid> = (self.given.iter().zip(&self.shapes).enumerate())
-            .map(|(i, (given, shape))| Solid {
-                shape,
-                pose: self.pose(i, t),
-                outside_in: given.outside_in,
-            })
-            .collect();
-        let levels = LevelSet::new(part, &self.nodes, &solids);
-        CutMesh::new(part, levels, |x| nearest(&solids, x))
+    /// Where they stand at time `t`.
+    pub fn solids(&self, t: f64) -> Vec<Solid<'_>> {
+        let solid = |(i, (given, shape)): (usize, (&case::Obstacle, _))| Solid {
+            shape,
+            pose: self.pose(i, t),
+            outside_in: given.outside_in,
+        };
+        self.given.iter().zip(&self.shapes).enumerate().map(solid).collect()
     }
 
     /// Their walls, and the motion that brings each from where it is at `t` to where it is at `t + dt`.

@@ -4,6 +4,7 @@ mod checkpoint;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::{Case, MeshSource};
+use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
@@ -43,8 +44,8 @@ pub struct Simulation {
     pub part: MeshPart,
     /// Where the structures stand.
     pub cut: CutMesh,
-    obstacles: Option<Obstacles>,
-    /// What the fluid did to each obstacle over the last step.
+    structures: Structures,
+    /// What the fluid did to each structure over the last step: obstacles first, then bodies.
     pub loads: Vec<BodyLoad>,
     /// Velocity and pressure, unless the velocity is given.
     pub flow: Option<Flow>,
@@ -66,8 +67,6 @@ pub struct Simulation {
     gauges: Option<Gauges>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
-    /// What the fluid does to each body.
-    body_loads: Vec<Load>,
     /// Points of bodies that are recorded.
     tracked: Vec<Tracked>,
     /// The given velocity, and no fine-scale velocity, where there is no flow.
@@ -108,6 +107,24 @@ pub enum RunError {
         /// The solver's numbers.
         source: Diverged,
     },
+    /// Flow and bodies did not agree.
+    #[error(
+        "step {step} from t = {t:.6e} s, Δt = {dt:.3e} s: bodies and flow: the walls' velocities still \
+         change by {residual:.1e} of themselves after {passes} passes; a smaller time.max_cfl or time.step \
+         may help"
+    )]
+    Coupling {
+        /// Step number.
+        step: u64,
+        /// Time at its start [s].
+        t: f64,
+        /// Its length [s].
+        dt: f64,
+        /// Passes made.
+        passes: u32,
+        /// Change over velocity.
+        residual: f64,
+    },
 }
 
 /// How a run was asked for on the command line.
@@ -130,6 +147,8 @@ pub struct StepReport {
     pub dt: f64,
     /// The flow's solve.
     pub flow: FlowReport,
+    /// Passes of flow and bodies.
+    pub passes: u32,
     /// Iterations of the phase transport.
     pub phase_iterations: u32,
     /// The water's account.
@@ -168,11 +187,12 @@ impl Simulation {
         let gauges = Some(Gauges::new(&case, &part)?);
         let inflow = Inflow::new(&case, &part);
         let obstacles = Obstacles::new(&case, &part)?;
-        let cut = obstacles.as_ref().map_or_else(CutMesh::whole, |o| o.cut(&part, 0.0));
+        let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
+        let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());
+        let cut = structures.cut(&part, bodies.as_ref(), 0.0);
         let phase = setup::phase(&case, &part, &cut, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
         let flow = setup::flow(&case, &part, &cut);
-        let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {
@@ -183,8 +203,8 @@ impl Simulation {
         Ok(Self {
             case,
             cut,
-            loads: vec![BodyLoad::default(); obstacles.as_ref().map_or(0, |o| o.names().count())],
-            obstacles,
+            loads: vec![BodyLoad::default(); structures.first_body() + structures.placed.len()],
+            structures,
             flow,
             phase,
             material,
@@ -196,7 +216,6 @@ impl Simulation {
             gauges,
             inflow,
             inflow_values: Vec::new(),
-            body_loads: vec![Load::default(); bodies.as_ref().map_or(0, |b| b.state.len())],
             tracked: tracked.unwrap_or_default(),
             bodies,
             given,
@@ -237,10 +256,11 @@ impl Simulation {
             report.phase_iterations = moved.iterations;
             clock.t_phase += dt_phase;
         }
-        if let Some(obstacles) = self.obstacles.as_ref().filter(|o| o.move_at_all()) {
+        if self.flow.is_some() && self.structures.move_at_all() {
             let before = std::mem::take(&mut self.cut);
             let gravity = self.case.gravity;
-            self.cut = stages.time("cut", || obstacles.cut(part, t + dt));
+            let structures = &self.structures;
+            self.cut = stages.time("cut", || structures.cut(part, self.bodies.as_ref(), t + dt));
             let extension = Extension::new(part, &before, &self.cut, gravity);
             if let Some(phase) = &mut self.phase {
                 stages.time("cut", || phase.follow(part, &self.cut, &extension));
@@ -254,16 +274,34 @@ impl Simulation {
             self.material.set_phase(&phase.phi);
         }
         if let Some(flow) = &mut self.flow {
-            let surfaces = self.obstacles.as_ref().map_or(Vec::new(), |o| o.surfaces(t, dt));
-            report.flow = flow
-                .advance(part, &self.cut, &surfaces, &self.material, t, dt)
-                .map_err(failed("velocity and pressure"))?;
-            stages.add("flow: assembly", report.flow.assembly);
-            stages.add("flow: solve", report.flow.solve);
-            self.loads = flow.loads(part, &self.cut, &self.material, &surfaces);
-        }
-        if let Some(bodies) = &mut self.bodies {
-            stages.time("bodies", || bodies.advance(dt, &self.body_loads));
+            let (structures, bodies) = (&mut self.structures, self.bodies.as_mut());
+            let (cut, material) = (&self.cut, &self.material);
+            let done = coupling::advance(
+                &self.case,
+                part,
+                cut,
+                material,
+                flow,
+                structures,
+                bodies,
+                [t, dt],
+            )
+            .map_err(|failure| match failure {
+                Failure::Flow(source) => failed("velocity and pressure")(source),
+                Failure::Coupling { passes, residual } => {
+                    RunError::Coupling { step, t, dt, passes, residual }
+                }
+            })?;
+            stages.add("flow: assembly", done.flow.assembly);
+            stages.add("flow: solve", done.flow.solve);
+            if !self.structures.placed.is_empty() {
+                stages.add("bodies", done.bodies);
+            }
+            (report.flow, report.passes) = (done.flow, done.passes);
+            self.loads = done.loads;
+        } else if let Some(bodies) = &mut self.bodies {
+            let loads = vec![Load::default(); bodies.state.len()];
+            stages.time("bodies", || bodies.advance(dt, &loads));
         }
         clock.tick(dt);
         Ok(report)
@@ -359,7 +397,7 @@ impl Simulation {
     fn wall_rate(&self) -> f64 {
         // Before the first step, their speed at once.
         let (t, dt) = (self.clock.t, self.clock.dt.max(1e-9 * self.case.time.end));
-        self.obstacles.as_ref().map_or(0.0, |o| o.speed(t, dt) / self.smallest)
+        self.structures.speed(self.bodies.as_ref(), t, dt) / self.smallest
     }
 
     /// u at local nodes [m/s], computed or given.
@@ -374,7 +412,7 @@ impl Simulation {
             p: self.flow.as_ref().map_or(&[], |flow| &flow.p),
             phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
             distance: &self.cut.distance,
-            loads: &self.loads,
+            loads: &self.loads[..self.structures.first_body()],
         }
     }
 

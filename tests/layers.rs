@@ -15,6 +15,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &[
             "bodies",
             "case",
+            "coupling",
             "cut",
             "fem",
             "flow",
@@ -27,6 +28,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["io", "partition"],
     ),
+    ("coupling", &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "obstacles"], &[]),
     ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
     ("setup", &["bodies", "case", "cut", "flow", "mesh", "phase", "shape"], &["io", "partition"]),
     ("report", &["bodies", "case", "fem", "flow", "mesh", "phase"], &["io"]),

@@ -36,4 +36,4 @@ pub use cohesion::{Break, Joints};
 pub use contact::World;
 pub use motion::Load;
 pub use ownership::Ownership;
-pub use step::{Bodies, Saved, Settings, Unstable};
+pub use step::{Bodies, Placed, Saved, Settings, Unstable};

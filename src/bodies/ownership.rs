@@ -129,6 +129,17 @@ impl Ownership {
         }
     }
 
+    /// What each owner knows of its clusters (`mine`, in the order of `owned`), for all of them. Collective.
+    pub fn gather(&self, mine: &[(Pose, Twist)]) -> Vec<(Pose, Twist)> {
+        let wire: Vec<[f64; NEAR]> =
+            mine.iter().map(|(pose, twist)| pack_near(pose, twist)).collect();
+        let owned = self.comm.all_gather(&self.owned).into_iter().flatten();
+        let wire = self.comm.all_gather(&wire).into_iter().flatten();
+        let mut all: Vec<(u32, [f64; NEAR])> = owned.zip(wire).collect();
+        all.sort_unstable_by_key(|(c, _)| *c);
+        all.iter().map(|(_, numbers)| unpack_near(numbers)).collect()
+    }
+
     /// Largest over ranks. Collective.
     pub fn largest(&self, values: [f64; 2]) -> [f64; 2] {
         values.map(|x| self.comm.max(x))

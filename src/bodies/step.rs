@@ -37,6 +37,15 @@ pub struct Unstable {
     pub limit: f64,
 }
 
+/// Where a cluster stands and how it got there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// Now.
+    pub pose: crate::shape::Pose,
+    /// Mean over the last `advance`: contact noise within it is not there.
+    pub twist: Twist,
+}
+
 /// Clusters, walls and joints in motion.
 #[derive(Debug)]
 pub struct Bodies {
@@ -349,16 +358,23 @@ impl Bodies {
         self.state.set_motion(c, &self.world.clusters[c], velocity, spin);
     }
 
-    /// Mean velocity over the last `advance` of the point of cluster `c` that is at `x` now [m/s]: the twist
-    /// of its pose. Contact noise within the step is not in it.
-    pub fn surface_velocity(&self, c: usize, x: Vector3<f64>) -> Vector3<f64> {
-        if self.last == 0.0 {
-            return self.state.velocity[c] + self.spin(c).cross(&(x - self.state.pose[c].position));
-        }
-        let (then, now) = (&self.before[c], &self.state.pose[c]);
-        let velocity = (now.position - then.position) / self.last;
-        let spin = (now.rotation * then.rotation.inverse()).scaled_axis() / self.last;
-        velocity + spin.cross(&(x - now.position))
+    /// Every cluster's place now and the twist of its pose over the last `advance`, the same on every rank.
+    /// Collective.
+    pub fn placed(&self) -> Vec<Placed> {
+        let twist = |c: usize| {
+            if self.last == 0.0 {
+                return Twist { velocity: self.state.velocity[c], spin: self.spin(c) };
+            }
+            let (then, now) = (&self.before[c], &self.state.pose[c]);
+            Twist {
+                velocity: (now.position - then.position) / self.last,
+                spin: (now.rotation * then.rotation.inverse()).scaled_axis() / self.last,
+            }
+        };
+        let owned = self.ranks.owned().iter().map(|&c| c as usize);
+        let mine: Vec<_> = owned.map(|c| (self.state.pose[c], twist(c))).collect();
+        let all = self.ranks.gather(&mine).into_iter();
+        all.map(|(pose, twist)| Placed { pose, twist }).collect()
     }
 
     /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first

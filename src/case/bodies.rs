@@ -26,6 +26,10 @@ pub struct Bodies {
     pub fraction: f64,
     /// Time to come to rest before t = 0 [s].
     pub settle: f64,
+    /// How flow and bodies are solved.
+    pub coupling: Coupling,
+    /// The fluid slides along them.
+    pub slip: bool,
     /// Glue.
     pub bond: Option<Bond>,
     /// The entries.
@@ -53,6 +57,18 @@ pub enum Unloading {
     Curve,
     /// It returns straight to zero: damage stays.
     Damage,
+}
+
+/// How flow and bodies are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Coupling {
+    /// Together where a body is light for the water it carries along, else one after the other.
+    Auto,
+    /// Together for every free body in water.
+    Strong,
+    /// One after the other (paper).
+    Loose,
 }
 
 /// What carries compression across a bonded face.

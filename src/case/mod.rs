@@ -10,7 +10,7 @@ pub mod nearest;
 mod reader;
 pub mod sources;
 
-pub use bodies::{Bodies, Compression, Unloading};
+pub use bodies::{Bodies, Compression, Coupling, Unloading};
 pub use error::{CaseError, Source};
 pub use file::CaseFile;
 pub use formula::Formula;

@@ -113,11 +113,12 @@ impl LevelSet {
     }
 }
 
-/// The structure nearest to a point.
-pub fn nearest(solids: &[Solid<'_>], x: [f64; 3]) -> u32 {
-    let distances = solids.iter().map(|s| s.distance(x));
-    let nearest = (0u32..).zip(distances).min_by(|a, b| a.1.total_cmp(&b.1));
-    nearest.map_or(0, |n| n.0)
+/// Which of four structures is nearest to a point.
+pub fn nearest(solids: &[Solid<'_>], of: [u32; 4], x: [f64; 3]) -> u32 {
+    let by_distance = |&a: &u32, &b: &u32| {
+        solids[a as usize].distance(x).total_cmp(&solids[b as usize].distance(x)).then(a.cmp(&b))
+    };
+    of.into_iter().min_by(by_distance).expect("there are four")
 }
 
 #[cfg(test)]
@@ -135,7 +136,7 @@ mod tests {
     fn sizes(part: &MeshPart, solids: &[Solid<'_>]) -> [f64; 2] {
         let nodes = Nodes::new(part);
         let levels = LevelSet::new(part, &nodes, solids);
-        let cut = CutMesh::new(part, levels, |x| nearest(solids, x));
+        let cut = CutMesh::new(part, levels, |x, of| nearest(solids, of, x));
         let mut sizes = [0.0; 2];
         for e in 0..part.mesh.tets.len() {
             sizes[0] += match cut.cell(e) {
@@ -198,8 +199,9 @@ mod tests {
             Solid { shape: &slab, pose: at([0.5, 0.5, 0.0]), outside_in: false },
         ];
         let nodes = Nodes::new(&part);
-        let cut =
-            CutMesh::new(&part, LevelSet::new(&part, &nodes, &solids), |x| nearest(&solids, x));
+        let cut = CutMesh::new(&part, LevelSet::new(&part, &nodes, &solids), |x, of| {
+            nearest(&solids, of, x)
+        });
         let mut area = [0.0; 2];
         for c in &cut.elements {
             area[c.body as usize] += c.pieces.wall.size;

@@ -59,8 +59,13 @@ impl CutMesh {
         Self::default()
     }
 
-    /// Cuts the local elements of `part`. `body_at` names the structure nearest to a point.
-    pub fn new(part: &MeshPart, levels: LevelSet, body_at: impl Fn([f64; 3]) -> u32) -> Self {
+    /// Cuts the local elements of `part`. `body_at` names the
+    /// structure nearest to a point, of those nearest to the element's nodes.
+    pub fn new(
+        part: &MeshPart,
+        levels: LevelSet,
+        body_at: impl Fn([f64; 3], [u32; 4]) -> u32,
+    ) -> Self {
         let mesh = &part.mesh;
         let mut state = vec![WHOLE; mesh.tets.len()];
         let mut elements = Vec::new();
@@ -82,7 +87,7 @@ impl CutMesh {
                         };
                         let bodies = tet.map(|n| levels.body[n as usize]);
                         let same = bodies.iter().all(|&b| b == bodies[0]);
-                        let body = if same { bodies[0] } else { body_at(at) };
+                        let body = if same { bodies[0] } else { body_at(at, bodies) };
                         elements.push(CutElement { element: e as u32, pieces, body, x: at });
                     }
                 }

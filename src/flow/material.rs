@@ -77,6 +77,16 @@ impl Material {
         self.gravity
     }
 
+    /// φ at node `i`, in [0, 1].
+    pub fn phase(&self, i: usize) -> f64 {
+        self.phi[i]
+    }
+
+    /// Density of the liquid [kg/m³].
+    pub fn liquid_density(&self) -> f64 {
+        self.liquid.density
+    }
+
     /// Density at node `i` [kg/m³].
     pub fn density(&self, i: usize) -> f64 {
         self.gas.density + (self.liquid.density - self.gas.density) * self.phi[i]

@@ -79,6 +79,17 @@ pub struct Flow {
     workspace: Workspace,
 }
 
+/// Everything later steps depend on.
+#[derive(Clone, Debug)]
+pub struct Saved {
+    u: Vec<[f64; 3]>,
+    u_old: Vec<[f64; 3]>,
+    p: Vec<f64>,
+    fine_scale: Vec<[f64; 3]>,
+    dt_old: f64,
+    steps: u64,
+}
+
 /// What a step cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FlowReport {
@@ -258,6 +269,27 @@ impl Flow {
         self.dt_old = dt;
         self.steps += 1;
         Ok(report)
+    }
+
+    /// The state, to go back to.
+    pub fn save(&self) -> Saved {
+        Saved {
+            u: self.u.clone(),
+            u_old: self.u_old.clone(),
+            p: self.p.clone(),
+            fine_scale: self.fine_scale.clone(),
+            dt_old: self.dt_old,
+            steps: self.steps,
+        }
+    }
+
+    /// Back to what was saved.
+    pub fn restore(&mut self, saved: &Saved) {
+        self.u.clone_from(&saved.u);
+        self.u_old.clone_from(&saved.u_old);
+        self.p.clone_from(&saved.p);
+        self.fine_scale.clone_from(&saved.fine_scale);
+        (self.dt_old, self.steps) = (saved.dt_old, saved.steps);
     }
 
     /// Element `e` of the step that began with the velocity `old`.

@@ -102,8 +102,8 @@ impl Simulation {
             t_phase: scalar("t_phase")?,
             dt: scalar("dt")?,
         };
-        if let Some(obstacles) = self.obstacles.as_ref().filter(|o| o.move_at_all()) {
-            self.cut = obstacles.cut(part, self.clock.t);
+        if self.structures.move_at_all() {
+            self.cut = self.structures.cut(part, self.bodies.as_ref(), self.clock.t);
             let nothing = Extension::default();
             if let Some(phase) = &mut self.phase {
                 phase.follow(part, &self.cut, &nothing);

@@ -1,7 +1,8 @@
 //! The tables about bodies.
 
 use super::super::bodies::{
-    Bodies, Body, BodyMotion, BodyShape, Bond, Compression, ContactLaw, Pieces, Wall, WallShape,
+    Bodies, Body, BodyMotion, BodyShape, Bond, Compression, ContactLaw, Coupling, Pieces, Wall,
+    WallShape,
 };
 use super::super::error::Problem;
 use super::super::file::bodies::{BodyTable, Freedom, WallTable};
@@ -66,6 +67,12 @@ pub fn check(
         time_step: table.time_step.map(|h| positive("bodies.time_step", h)).transpose()?,
         fraction: between("bodies.fraction", table.fraction, 0.0, 1.0)?,
         settle: not_negative("bodies.settle", table.settle)?,
+        coupling: *table.coupling.get_or_insert(if paper {
+            Coupling::Loose
+        } else {
+            Coupling::Auto
+        }),
+        slip: table.slip,
         bond,
         bodies: Vec::new(),
         walls: Vec::new(),

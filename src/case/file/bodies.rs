@@ -1,7 +1,7 @@
 //! The tables about bodies, as typed: `[bodies]`, `[[body]]`, `[[wall]]`, `[[contact]]`.
 
 use super::{Condition, Expression};
-use crate::case::{Compression, Unloading};
+use crate::case::{Compression, Coupling, Unloading};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,13 @@ pub struct BodiesTable {
     /// Bodies come to rest under gravity for this long before t = 0 [s].
     #[serde(default)]
     pub settle: f64,
+    /// How flow and bodies are solved: auto (default) together where a body is light for the water around it,
+    /// strong together for all bodies in water, loose one after the other (preset "paper").
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<Coupling>,
+    /// The fluid slides along the bodies instead of sticking to them.
+    #[serde(default)]
+    pub slip: bool,
     /// What glues bonded bodies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bond: Option<BondTable>,

@@ -1,0 +1,126 @@
+//! Water meets bodies (Takase et al. 2015, steps (a) to (f)): the one room that names flow and bodies both.
+//!
+//! - `structures` obstacles and bodies as the flow sees them: where they stand, and how their walls move.
+//! - `added_mass` which bodies are light for the water around them.
+//! - `quasi_newton` the iteration that finds their motion and the water's together.
+//!
+//! Loose coupling (the paper's): the walls move as they did over the last step; then the bodies move on under
+//! what the flow did to them. Where a body is light for the water it carries along this diverges; strong
+//! coupling repeats flow and bodies of the step until the walls move as the bodies do.
+
+pub mod added_mass;
+pub mod quasi_newton;
+pub mod structures;
+
+pub use structures::Structures;
+
+use crate::bodies::{Bodies, Load};
+use crate::case::{self, Case};
+use crate::cut::CutMesh;
+use crate::flow::{BodyLoad, Flow, FlowReport, Material};
+use crate::linear::Diverged;
+use crate::mesh::MeshPart;
+use nalgebra::DVector;
+use quasi_newton::QuasiNewton;
+use std::time::{Duration, Instant};
+
+/// Change of the walls' velocities in a pass, over those velocities, that ends a step.
+const TOLERANCE: f64 = 1e-3;
+/// The same over what gravity changes in a step: bodies at rest.
+const AT_REST: f64 = 1e-3;
+/// Passes allowed.
+const PASSES: u32 = 30;
+
+/// A step of flow and bodies.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The flow's last pass; its iterations and times are those of all passes.
+    pub flow: FlowReport,
+    /// Passes: 1 if coupled loosely.
+    pub passes: u32,
+    /// Time for bodies.
+    pub bodies: Duration,
+    /// What the flow did to each structure.
+    pub loads: Vec<BodyLoad>,
+}
+
+/// Why a step failed.
+#[derive(Clone, Debug)]
+pub enum Failure {
+    /// The flow's solver.
+    Flow(Diverged),
+    /// Bodies and flow do not agree: what is left of the walls' velocities, over those velocities.
+    Coupling {
+        /// Passes made.
+        passes: u32,
+        /// What is left.
+        residual: f64,
+    },
+}
+
+/// Velocity and pressure, and the bodies with them, from `t` to `t + dt`. Collective.
+///
+/// # Errors
+/// A solve, or the iteration of strong coupling, that does not converge: nothing has moved on then that could
+/// be used.
+pub fn advance(
+    case: &Case,
+    part: &MeshPart,
+    cut: &CutMesh,
+    material: &Material,
+    flow: &mut Flow,
+    structures: &mut Structures,
+    bodies: Option<&mut Bodies>,
+    [t, dt]: [f64; 2],
+) -> Result<Report, Failure> {
+    let mut report = Report::default();
+    let Some(bodies) = bodies else {
+        report.passes = 1;
+        structures.pass(part, cut, material, flow, [t, dt], &mut report)?;
+        return Ok(report);
+    };
+    let first = structures.first_body();
+    let light = match case.bodies.as_ref().map(|b| b.coupling) {
+        Some(case::Coupling::Loose) | None => Vec::new(),
+        Some(choice) => added_mass::light(part, cut, material, bodies, first, choice),
+    };
+    let move_on = |bodies: &mut Bodies, report: &mut Report| {
+        let clock = Instant::now();
+        let loads: Vec<Load> = report.loads[first..].iter().map(structures::on_body).collect();
+        bodies.advance(dt, &loads);
+        report.bodies += clock.elapsed();
+        bodies.placed()
+    };
+    if light.is_empty() {
+        report.passes = 1;
+        structures.pass(part, cut, material, flow, [t, dt], &mut report)?;
+        structures.placed = move_on(bodies, &mut report);
+        return Ok(report);
+    }
+
+    let (flow_before, bodies_before) = (flow.save(), bodies.save());
+    let g = crate::fem::norm(case.gravity);
+    let mut newton = QuasiNewton::new(&light);
+    loop {
+        structures.pass(part, cut, material, flow, [t, dt], &mut report)?;
+        let moved = move_on(bodies, &mut report);
+        report.passes += 1;
+        let wanted = added_mass::velocities(&light, &moved);
+        let given = added_mass::velocities(&light, &structures.placed);
+        let change: DVector<f64> = &wanted - &given;
+        let (left, size) = (change.norm(), wanted.norm());
+        let done = left <= TOLERANCE * size + AT_REST * g * dt * (light.len() as f64).sqrt();
+        if done {
+            structures.placed = moved;
+            return Ok(report);
+        }
+        // A NaN does not get better.
+        if report.passes == PASSES || left.is_nan() {
+            return Err(Failure::Coupling { passes: report.passes, residual: left / size });
+        }
+        let next = newton.next(given, wanted);
+        added_mass::set_velocities(&light, &next, &mut structures.placed);
+        flow.restore(&flow_before);
+        bodies.restore(&bodies_before);
+    }
+}

@@ -1,0 +1,127 @@
+//! Obstacles and bodies as the flow sees them.
+
+use super::{Failure, Report};
+use crate::bodies::{Bodies, Cluster, Load, Placed};
+use crate::case::Case;
+use crate::cut::level_set::{LevelSet, Nodes, Solid, nearest};
+use crate::cut::{CutMesh, Motion, Surface, Wall};
+use crate::flow::{BodyLoad, Flow, Material};
+use crate::mesh::MeshPart;
+use crate::obstacles::Obstacles;
+
+/// All of them: obstacles first, then bodies.
+#[derive(Clone, Debug)]
+pub struct Structures {
+    obstacles: Obstacles,
+    nodes: Nodes,
+    /// How bodies hold the fluid.
+    wall: Wall,
+    /// Where each body stands, and how its wall moves over the step.
+    pub placed: Vec<Placed>,
+}
+
+impl Structures {
+    /// At t = 0. Collective.
+    pub fn new(
+        case: &Case,
+        part: &MeshPart,
+        obstacles: Obstacles,
+        bodies: Option<&Bodies>,
+    ) -> Self {
+        let slip = case.bodies.as_ref().is_some_and(|b| b.slip);
+        Self {
+            obstacles,
+            nodes: Nodes::new(part),
+            wall: if slip { Wall::Slip } else { Wall::NoSlip },
+            placed: bodies.map_or(Vec::new(), Bodies::placed),
+        }
+    }
+
+    /// Whether there are any.
+    pub fn is_empty(&self) -> bool {
+        self.first_body() + self.placed.len() == 0
+    }
+
+    /// Whether any of them may move.
+    pub fn move_at_all(&self) -> bool {
+        self.obstacles.move_at_all() || !self.placed.is_empty()
+    }
+
+    /// The number of the first body.
+    pub fn first_body(&self) -> usize {
+        self.obstacles.names().count()
+    }
+
+    /// Names of the obstacles.
+    pub fn obstacles(&self) -> impl Iterator<Item = &str> {
+        self.obstacles.names()
+    }
+
+    /// Largest speed of a wall over the step [m/s].
+    pub fn speed(&self, bodies: Option<&Bodies>, t: f64, dt: f64) -> f64 {
+        let clusters = bodies.map_or(&[][..], |b| &b.world.clusters);
+        let speed = |(placed, cluster): (&Placed, &Cluster)| {
+            placed.twist.velocity.norm() + placed.twist.spin.norm() * cluster.form.radius
+        };
+        let bodies = self.placed.iter().zip(clusters).map(speed);
+        bodies.fold(self.obstacles.speed(t, dt), f64::max)
+    }
+
+    /// The mesh as they leave it: obstacles where they are at time `t`, bodies where they stand. Collective.
+    pub fn cut(&self, part: &MeshPart, bodies: Option<&Bodies>, t: f64) -> CutMesh {
+        if self.is_empty() {
+            return CutMesh::whole();
+        }
+        let mut solids = self.obstacles.solids(t);
+        if let Some(bodies) = bodies {
+            let clusters = bodies.world.clusters.iter().zip(&self.placed);
+            solids.extend(clusters.map(|(cluster, placed)| Solid {
+                shape: &cluster.form.shape,
+                pose: placed.pose,
+                outside_in: false,
+            }));
+        }
+        let levels = LevelSet::new(part, &self.nodes, &solids);
+        CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+    }
+
+    /// Their walls over the step from `t` to `t + dt`.
+    fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
+        let mut surfaces = self.obstacles.surfaces(t, dt);
+        surfaces.extend(self.placed.iter().map(|placed| Surface {
+            wall: self.wall,
+            motion: Motion {
+                centre: placed.pose.position.into(),
+                velocity: placed.twist.velocity.into(),
+                spin: placed.twist.spin.into(),
+            },
+        }));
+        surfaces
+    }
+
+    /// One pass of the flow over the step, and what it did to the structures. Collective.
+    pub(super) fn pass(
+        &self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        material: &Material,
+        flow: &mut Flow,
+        [t, dt]: [f64; 2],
+        report: &mut Report,
+    ) -> Result<(), Failure> {
+        let surfaces = self.surfaces(t, dt);
+        let done = flow.advance(part, cut, &surfaces, material, t, dt).map_err(Failure::Flow)?;
+        let before = report.flow;
+        report.flow = done;
+        report.flow.iterations += before.iterations;
+        report.flow.assembly += before.assembly;
+        report.flow.solve += before.solve;
+        report.loads = flow.loads(part, cut, material, &surfaces);
+        Ok(())
+    }
+}
+
+/// The weak form's own reaction: what the water loses, the body gets.
+pub(super) fn on_body(load: &BodyLoad) -> Load {
+    Load { force: load.reaction.force.into(), torque: load.reaction.torque.into() }
+}
