@@ -5,7 +5,7 @@ use super::cluster::{Motion, State};
 use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
 use super::motion::{self, Load};
-use super::neighbours::Neighbours;
+use super::neighbours::{Neighbours, Touch};
 use super::ownership::{Luggage, Ownership};
 use super::time_step::longest_stable;
 use nalgebra::Vector3;
@@ -221,6 +221,44 @@ impl Bodies {
         }
     }
 
+    /// Poses when the last `advance` began.
+    pub(super) fn before(&self) -> &[crate::shape::Pose] {
+        &self.before
+    }
+
+    /// Length of the last `advance` [s].
+    pub(super) fn last(&self) -> f64 {
+        self.last
+    }
+
+    /// What went on this rank.
+    pub(super) fn spent(&self) -> &Account {
+        &self.spent
+    }
+
+    /// What spheres remember here.
+    pub(super) fn touches(&self) -> Vec<Touch> {
+        self.near.touches()
+    }
+
+    /// Goes on with the state as it has just been set on every rank.
+    pub(super) fn go_on(
+        &mut self,
+        t: f64,
+        last: f64,
+        before: Vec<crate::shape::Pose>,
+        spent: Account,
+        deepest: f64,
+        touches: Vec<Touch>,
+    ) {
+        self.near.deepest = deepest;
+        (self.t, self.last, self.before, self.spent) = (t, last, before, spent);
+        self.ranks.claim(&self.state);
+        self.breaks.clear();
+        self.unchecked = 0;
+        self.refresh_with(touches);
+    }
+
     /// Makes the lists anew if they may not hold until the next look, and says when that is. Collective.
     fn look(&mut self, h: f64) {
         let reach = 0.5 * self.near.skin;
@@ -243,8 +281,12 @@ impl Bodies {
 
     /// Moves clusters to the ranks where they are now, finds neighbours, and makes the lists. Collective.
     fn refresh(&mut self) {
-        let margin = self.near.skin + self.joints.widest_opening();
         let touches = self.near.touches();
+        self.refresh_with(touches);
+    }
+
+    fn refresh_with(&mut self, touches: Vec<Touch>) {
+        let margin = self.near.skin + self.joints.widest_opening();
         let luggage = Luggage {
             state: &mut self.state,
             twists: &mut self.twists,
@@ -394,6 +436,7 @@ impl Bodies {
         self.t = 0.0;
         self.last = 0.0;
         self.spent = Account::default();
+        self.near.deepest = 0.0;
         // Pairs of what waited were left out.
         self.refresh();
         self.unchecked = 0;
