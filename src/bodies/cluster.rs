@@ -47,7 +47,9 @@ impl Form {
         let mut directions: Vec<Vector3<f64>> = Vec::new();
         if let Shape::Mesh(mesh) = &self.shape {
             directions.extend(
-                mesh.surface().corners().map(|[a, b, c]| (b - a).cross(&(c - a)).normalize()),
+                mesh.surface()
+                    .corners()
+                    .filter_map(|[a, b, c]| (b - a).cross(&(c - a)).try_normalize(0.0)),
             );
         }
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {

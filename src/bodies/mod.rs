@@ -4,7 +4,8 @@
 //! - `cluster` what one is, and where all stand · `packing` its contact spheres · `motion` kick, drift, kick.
 //! - `neighbours` who may touch whom · `contact` springs, dashpots, sliders · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
-//! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle.
+//! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
+//!   all of it as lists, for checkpoints.
 //!
 //! A cluster is known by its number in the case, the same on every rank. Lists with an entry for each
 //! cluster are valid for a rank's own clusters and those near them. A pair is computed by every rank that
@@ -23,6 +24,7 @@ pub mod motion;
 pub mod neighbours;
 pub mod ownership;
 pub mod packing;
+pub mod record;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -36,4 +38,5 @@ pub use cohesion::{Break, Joints};
 pub use contact::World;
 pub use motion::Load;
 pub use ownership::Ownership;
+pub use record::Record;
 pub use step::{Bodies, Placed, Saved, Settings, Unstable};

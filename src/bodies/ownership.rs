@@ -62,35 +62,51 @@ const ALL: usize = NEAR + 12 + 6 + 7;
 
 impl Ownership {
     /// One rank owns all.
-    pub fn single(n: usize) -> Self {
-        Self::by_rule(&Communicator::single(), &vec![0; n], Arc::new(|_| None))
+    pub fn single(state: &State) -> Self {
+        Self::by_rule(&Communicator::single(), state, Arc::new(|_| None))
     }
 
-    /// By where the clusters are now, all of which every rank knows.
+    /// By where the clusters are now, all of which every rank knows. Collective.
     pub fn new(comm: &Communicator, world: &World, state: &State) -> Self {
         let weight = |c: usize| world.clusters[c].form.spheres.len() as f64;
         let places: Vec<(Vector3<f64>, f64)> =
             (0..state.len()).map(|c| (state.pose[c].position, weight(c))).collect();
         let tree = Regions::split(places, 0..comm.size());
-        let owners: Vec<usize> =
-            state.pose.iter().map(|pose| tree.rank_of(pose.position)).collect();
-        Self::by_rule(comm, &owners, Arc::new(move |x| Some(tree.rank_of(x))))
+        Self::by_rule(comm, state, Arc::new(move |x| Some(tree.rank_of(x))))
     }
 
-    /// By a rule; `owners`: the rank of each cluster at first, the same list on every rank.
-    pub fn by_rule(comm: &Communicator, owners: &[usize], rule: Rule) -> Self {
-        let me = comm.rank();
-        let owned: Vec<u32> =
-            (0..).zip(owners).filter(|(_, rank)| **rank == me).map(|(c, _)| c).collect();
-        Self {
+    /// By a rule, which on each rank need only know the rank's own ground. Every rank knows all clusters now.
+    /// Collective.
+    pub fn by_rule(comm: &Communicator, state: &State, rule: Rule) -> Self {
+        let mut ownership = Self {
             comm: comm.clone(),
             rule,
-            is_owned: owners.iter().map(|&rank| rank == me).collect(),
-            local: owned.clone(),
-            order: owned.clone(),
-            owned,
+            is_owned: Vec::new(),
+            owned: Vec::new(),
+            local: Vec::new(),
+            order: Vec::new(),
             exchange: None,
+        };
+        ownership.claim(state);
+        ownership
+    }
+
+    /// Deals all clusters out anew, while every rank knows them; the first rank takes those on nobody's
+    /// ground. Collective.
+    pub(super) fn claim(&mut self, state: &State) {
+        let me = self.comm.rank();
+        let mine: Vec<u32> = (0..state.len() as u32)
+            .filter(|&c| (self.rule)(state.pose[c as usize].position) == Some(me))
+            .collect();
+        let mut owner = vec![0; state.len()];
+        for (rank, list) in self.comm.all_gather(&mine).into_iter().enumerate().rev() {
+            list.into_iter().for_each(|c| owner[c as usize] = rank);
         }
+        self.is_owned = owner.iter().map(|&rank| rank == me).collect();
+        self.owned = (0..state.len() as u32).filter(|&c| self.is_owned[c as usize]).collect();
+        self.local.clone_from(&self.owned);
+        self.order.clone_from(&self.owned);
+        self.exchange = None;
     }
 
     /// The ranks.

@@ -117,7 +117,7 @@ fn in_mesh(
     let mut starts: Vec<(u8, Vector3<f64>, Vector3<f64>)> = Vec::new();
     let mut normal_at = vec![Vector3::zeros(); surface.vertices.len()];
     for (t, [a, b, c]) in surface.triangles.iter().zip(surface.corners()) {
-        let n = (b - a).cross(&(c - a)).normalize();
+        let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else { continue };
         t.iter().for_each(|&v| normal_at[v as usize] += n);
         let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
         let cuts = (2.0 * longest / spacing).ceil() as usize;

@@ -5,7 +5,7 @@ use super::cluster::{Motion, State};
 use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
 use super::motion::{self, Load};
-use super::neighbours::Neighbours;
+use super::neighbours::{Neighbours, Touch};
 use super::ownership::{Luggage, Ownership};
 use super::time_step::longest_stable;
 use nalgebra::Vector3;
@@ -230,6 +230,44 @@ impl Bodies {
         }
     }
 
+    /// Poses when the last `advance` began.
+    pub(super) fn before(&self) -> &[crate::shape::Pose] {
+        &self.before
+    }
+
+    /// Length of the last `advance` [s].
+    pub(super) fn last(&self) -> f64 {
+        self.last
+    }
+
+    /// What went on this rank.
+    pub(super) fn spent(&self) -> &Account {
+        &self.spent
+    }
+
+    /// What spheres remember here.
+    pub(super) fn touches(&self) -> Vec<Touch> {
+        self.near.touches()
+    }
+
+    /// Goes on with the state as it has just been set on every rank.
+    pub(super) fn go_on(
+        &mut self,
+        t: f64,
+        last: f64,
+        before: Vec<crate::shape::Pose>,
+        spent: Account,
+        deepest: f64,
+        touches: Vec<Touch>,
+    ) {
+        self.near.deepest = deepest;
+        (self.t, self.last, self.before, self.spent) = (t, last, before, spent);
+        self.ranks.claim(&self.state);
+        self.breaks.clear();
+        self.unchecked = 0;
+        self.refresh_with(touches);
+    }
+
     /// Makes the lists anew if they may not hold until the next look, and says when that is. Collective.
     fn look(&mut self, h: f64) {
         let reach = 0.5 * self.near.skin;
@@ -252,8 +290,12 @@ impl Bodies {
 
     /// Moves clusters to the ranks where they are now, finds neighbours, and makes the lists. Collective.
     fn refresh(&mut self) {
-        let margin = self.near.skin + self.joints.widest_opening();
         let touches = self.near.touches();
+        self.refresh_with(touches);
+    }
+
+    fn refresh_with(&mut self, touches: Vec<Touch>) {
+        let margin = self.near.skin + self.joints.widest_opening();
         let luggage = Luggage {
             state: &mut self.state,
             twists: &mut self.twists,
@@ -358,6 +400,14 @@ impl Bodies {
         self.state.set_motion(c, &self.world.clusters[c], velocity, spin);
     }
 
+    /// Every cluster's place before the last `advance`, the same on every rank. Collective.
+    pub fn placed_before(&self) -> Vec<Placed> {
+        let owned = self.ranks.owned().iter().map(|&c| c as usize);
+        let mine: Vec<_> = owned.map(|c| (self.before[c], Twist::default())).collect();
+        let all = self.ranks.gather(&mine).into_iter();
+        all.map(|(pose, twist)| Placed { pose, twist }).collect()
+    }
+
     /// Every cluster's place now and the twist of its pose over the last `advance`, the same on every rank.
     /// Collective.
     pub fn placed(&self) -> Vec<Placed> {
@@ -410,6 +460,7 @@ impl Bodies {
         self.t = 0.0;
         self.last = 0.0;
         self.spent = Account::default();
+        self.near.deepest = 0.0;
         // Pairs of what waited were left out.
         self.refresh();
         self.unchecked = 0;

@@ -45,7 +45,10 @@ fn faces(form: &Form, pose: &Pose) -> Vec<Face> {
             let quad = |[[a, b, c], [_, _, d]]: &[[u32; 3]; 2]| [*a, *b, *c, *d];
             pairs.iter().map(|t| face(&quad(t).map(|v| surface.vertices[v as usize]))).collect()
         }
-        Shape::Mesh(mesh) => mesh.surface().corners().map(|t| face(&t)).collect(),
+        Shape::Mesh(mesh) => {
+            let flat = |f: &Face| f.normal.iter().all(|n| n.is_finite());
+            mesh.surface().corners().map(|t| face(&t)).filter(flat).collect()
+        }
         Shape::Cylinder(c) => {
             // Polygons of the area of the caps.
             const SIDES: usize = 48;
@@ -128,6 +131,8 @@ struct Plane {
     origin: Vector3<f64>,
     normal: Vector3<f64>,
     axes: [Vector3<f64>; 2],
+    /// Of that face [m].
+    size: f64,
 }
 
 impl Plane {
@@ -137,6 +142,7 @@ impl Plane {
             origin: face.corners[0] + off * face.normal,
             normal: face.normal,
             axes: [along, face.normal.cross(&along)],
+            size: face.corners.iter().map(|x| (x - face.corners[0]).norm()).fold(0.0, f64::max),
         }
     }
 
@@ -164,7 +170,8 @@ impl Plane {
         let high = all().fold(Vector2::repeat(f64::NEG_INFINITY), |h, x| h.sup(x));
         let total: f64 = pieces.iter().map(|p| area_and_centre(p).0).sum();
         let least = 1e-9 * total;
-        if pieces.is_empty() || total <= 0.0 || (high - low).min() < 1e-6 * (high - low).max() {
+        // Edges and corners that touch have no area but by rounding.
+        if pieces.is_empty() || (high - low).min() < 1e-6 * self.size {
             return Vec::new();
         }
         let cell = (high - low) / f64::from(across);

@@ -124,10 +124,10 @@ impl BodiesOutput {
     /// # Errors
     /// A file that cannot be written.
     pub fn write_if_due(&mut self, t: f64, bodies: &Bodies) -> Result<(), Error> {
+        self.write_breaks(bodies)?;
         if !self.schedule.take(t) {
             return Ok(());
         }
-        self.write_breaks(bodies)?;
         self.write_line(t, bodies)?;
         let damage = damage(bodies);
         let (mut ids, mut points) = (Vec::new(), Vec::new());

@@ -2,13 +2,10 @@
 //! their way.
 //!
 //! Each cell is the solid, cut by the planes halfway to the other points, nearest first, until those left
-//! are too far to matter. The cuts are parry's, so any closed surface will do.
+//! are too far to matter.
 
-use super::{Bounds, Shape, Surface};
+use super::{Bounds, Shape, Surface, clip};
 use nalgebra::Vector3;
-use parry3d_f64::math::Vec3;
-use parry3d_f64::query::SplitResult;
-use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 
 /// Fragments of about `size` [m]; the same seed gives the same ones. Together they fill the solid.
 ///
@@ -17,51 +14,25 @@ use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 pub fn fragments(solid: &Shape, size: f64, seed: u64) -> Result<Vec<Surface>, String> {
     let surface = solid.surface(0.25 * size);
     let points = points_inside(solid, &surface, size, seed);
-    let mesh = to_parry(&surface);
-    let small = 1e-10 * Bounds::of(surface.vertices.iter().copied()).diagonal();
     let mut cells = Vec::with_capacity(points.len());
     for (i, p) in points.iter().enumerate() {
         let mut others: Vec<(f64, usize)> =
             (0..points.len()).filter(|&j| j != i).map(|j| ((points[j] - p).norm(), j)).collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut cell = mesh.clone();
+        let mut cell = surface.clone();
         for (distance, j) in others {
-            let reach = cell.vertices().iter().map(|v| (to_ours(*v) - p).norm());
+            let reach = cell.vertices.iter().map(|v| (v - p).norm());
             if distance > 2.0 * reach.fold(0.0, f64::max) {
                 break;
             }
             let axis = (points[j] - p) / distance;
             let bias = axis.dot(&(0.5 * (points[j] + p)));
-            let axis = Vec3::new(axis.x, axis.y, axis.z);
-            match cell.local_split(axis, bias, small) {
-                SplitResult::Pair(mut kept, _) => {
-                    let oriented = kept.set_flags(TriMeshFlags::ORIENTED);
-                    oriented.map_err(|e| format!("fragment {}: {e}", i + 1))?;
-                    cell = kept;
-                }
-                SplitResult::Negative => {}
-                SplitResult::Positive => {
-                    return Err(format!("fragment {} vanished when it was cut", i + 1));
-                }
-            }
+            cell =
+                clip::below(&cell, axis, bias).map_err(|e| format!("fragment {}: {e}", i + 1))?;
         }
-        let cell = Surface {
-            vertices: cell.vertices().iter().map(|&v| to_ours(v)).collect(),
-            triangles: cell.indices().to_vec(),
-        };
         cells.push(cell.closed().map_err(|e| format!("fragment {}: {e}", i + 1))?);
     }
     Ok(cells)
-}
-
-fn to_ours(v: Vec3) -> Vector3<f64> {
-    Vector3::new(v.x, v.y, v.z)
-}
-
-fn to_parry(surface: &Surface) -> TriMesh {
-    let points = surface.vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect();
-    TriMesh::with_flags(points, surface.triangles.clone(), TriMeshFlags::ORIENTED)
-        .expect("a closed surface has triangles")
 }
 
 /// Random points, about one for each size³, none closer than 0.6 sizes to another.

@@ -4,11 +4,12 @@
 //! - [`Shape`]: cuboid, sphere, cylinder, or any closed triangle surface.
 //! - [`Pose`]: place and attitude.
 //! - [`surface`]: triangle surfaces, and whether they are closed.
-//! - [`fragment`]: Voronoi cells of a solid.
+//! - [`fragment`]: Voronoi cells of a solid, cut by `clip`.
 //! - [`mass`]: volume, centroid, principal axes and moments.
 //!
 //! Distances are parry's. Names no other room.
 
+mod clip;
 pub mod fragment;
 pub mod mass;
 pub mod surface;

@@ -2,6 +2,7 @@
 //! ranks; on the same number, bit for bit.
 
 use super::{Clock, RunError, Simulation};
+use crate::bodies::{Record, record};
 use crate::cut::Extension;
 use crate::phase::State;
 use io::checkpoint::{self, Checkpoint, Group, Values};
@@ -36,6 +37,12 @@ impl Simulation {
             .collect();
         scalars.extend(lists.iter().map(|(name, v)| (name.as_str(), *v)));
         let part = &self.part;
+        let bodies = self.bodies.as_ref().map(|bodies| bodies.record()).unwrap_or_default();
+        let shared: Vec<(String, f64)> =
+            (0..).zip(bodies.shared).map(|(i, v): (u32, _)| (format!("bodies.{i}"), v)).collect();
+        scalars.extend(shared.iter().map(|(name, v)| (name.as_str(), *v)));
+        let first = part.comm.exclusive_sum(bodies.keys.len() as u64);
+        let contacts: Vec<u64> = (first..).take(bodies.keys.len()).collect();
         let state = checkpoint::State {
             case: &self.identity(),
             step: self.clock.step,
@@ -47,6 +54,24 @@ impl Simulation {
                     name: "elements",
                     ids: &part.element_global[..part.n_owned_elements],
                     arrays: &elements,
+                },
+                Group {
+                    name: "bodies",
+                    ids: &bodies.clusters,
+                    arrays: &[("state", record::CLUSTER, Values::F64(&bodies.states))],
+                },
+                Group {
+                    name: "bonds",
+                    ids: &bodies.points,
+                    arrays: &[("largest", 1, Values::F64(&bodies.largest))],
+                },
+                Group {
+                    name: "contacts",
+                    ids: &contacts,
+                    arrays: &[
+                        ("key", 5, Values::U64(bodies.keys.as_flattened())),
+                        ("memory", 5, Values::F64(bodies.memories.as_flattened())),
+                    ],
                 },
             ],
         };
@@ -96,13 +121,36 @@ impl Simulation {
             flow.dt_old = scalar("dt_old")?;
             flow.steps = saved.step();
         }
+        if let Some(bodies) = &mut self.bodies {
+            let all = |group: &str| (0..saved.count(group).unwrap_or(0)).collect::<Vec<u64>>();
+            let (clusters, points, contacts) = (all("bodies"), all("bonds"), all("contacts"));
+            let keys = saved.read_u64("contacts", "key", 5, &contacts)?;
+            let memories = saved.read_f64("contacts", "memory", 5, &contacts)?;
+            let mut shared = [0.0; record::SHARED];
+            for (i, v) in shared.iter_mut().enumerate() {
+                *v = scalar(&format!("bodies.{i}"))?;
+            }
+            bodies.resume(&Record {
+                states: saved.read_f64("bodies", "state", record::CLUSTER, &clusters)?,
+                largest: saved.read_f64("bonds", "largest", 1, &points)?,
+                clusters,
+                points,
+                keys: keys.as_chunks::<5>().0.to_vec(),
+                memories: memories.as_chunks::<5>().0.to_vec(),
+                shared,
+            });
+        }
         self.clock = Clock {
             t: saved.time(),
             step: saved.step(),
             t_phase: scalar("t_phase")?,
             dt: scalar("dt")?,
         };
-        if self.structures.move_at_all() {
+        if self.flow.is_some() && self.structures.move_at_all() {
+            // As the last step left it: bodies have moved since.
+            if let Some(bodies) = &self.bodies {
+                self.structures.placed = bodies.placed_before();
+            }
             self.cut = self.structures.cut(part, self.bodies.as_ref(), self.clock.t);
             let nothing = Extension::default();
             if let Some(phase) = &mut self.phase {
@@ -111,6 +159,9 @@ impl Simulation {
             if let Some(flow) = &mut self.flow {
                 flow.follow(part, &self.cut, &nothing, self.case.gravity);
             }
+            if let Some(bodies) = &self.bodies {
+                self.structures.placed = bodies.placed();
+            }
         }
         Ok(())
     }
@@ -118,11 +169,13 @@ impl Simulation {
     /// What must agree for a state to fit: the mesh and what is computed on it.
     fn identity(&self) -> String {
         format!(
-            "{} nodes, {} tetrahedra, flow {}, free surface {}",
+            "{} nodes, {} tetrahedra, flow {}, free surface {}, {} bodies, {} bonds",
             self.size.nodes,
             self.size.elements,
             self.flow.is_some(),
-            self.phase.is_some()
+            self.phase.is_some(),
+            self.bodies.as_ref().map_or(0, |bodies| bodies.state.len()),
+            self.bodies.as_ref().map_or(0, |bodies| bodies.joints.places.len()),
         )
     }
 }

@@ -81,7 +81,7 @@ impl Scene {
         for (c, v, w) in self.moving {
             self.state.set_motion(c, &self.world.clusters[c], v, w);
         }
-        let ranks = Ownership::single(self.state.len());
+        let ranks = Ownership::single(&self.state);
         Bodies::new(self.world, self.state, self.joints, self.settings, ranks).unwrap()
     }
 }

@@ -1,0 +1,223 @@
+//! Whole structures from case files: bending, fragments, energy, restart of the state.
+
+use fcm_fsi::bodies::{Bodies, Load};
+use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::setup::bodies::bodies;
+use partition::Communicator;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+fn start_in(folder: &Path, text: &str) -> Result<Bodies, String> {
+    let sources = Sources {
+        file: "case.toml".into(),
+        folder: folder.into(),
+        text: text.into(),
+        tables: BTreeMap::new(),
+    };
+    let case = Case::new(&sources).map_err(|e| e.to_string())?;
+    let started = bodies(&case, &Communicator::single()).map_err(|e| e.to_string())?;
+    Ok(started.expect("the case has bodies").0)
+}
+
+fn start(text: &str) -> Bodies {
+    start_in(Path::new("/"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn advance(bodies: &mut Bodies, dt: f64) {
+    let loads = vec![Load::default(); bodies.state.len()];
+    bodies.advance(dt, &loads);
+}
+
+/// Largest force of the stamp on a beam of nine cubes of 0.1 m, 0.7 m between supports.
+fn bending(points: u32, compression: &str, radius: f64, stiffness: f64) -> f64 {
+    let mut beam = start(&format!(
+        "gravity = [0, 0, 0]
+        [time]
+        end = 1
+        [bodies]
+        sphere_radius = {radius}
+        stiffness = {stiffness}
+        fraction = 0.3
+        friction_angle = 0
+        bond = {{ strength = 1e5, opening = 1e-3, points = {points}, compression = '{compression}', damping = 0.2 }}
+        [[body]]
+        name = 'beam'
+        box = [0.9, 0.1, 0.1]
+        grid = [9, 1, 1]
+        density = 1000
+        bonded = true
+        locked = ['y', 'rx', 'rz']
+        [[body]]
+        name = 'supports'
+        sphere = 0.05
+        at = [-0.35, 0, -0.1]
+        density = 1000
+        fixed = true
+        copies = {{ count = [2, 1, 1], spacing = [0.7, 0, 0] }}
+        [[body]]
+        name = 'stamp'
+        sphere = 0.05
+        at = [0, 0, 0.1]
+        density = 1000
+        led_velocity = [0, 0, -4e-3]"
+    ));
+    let stamp = beam.state.len() - 1;
+    let mut peak: f64 = 0.0;
+    while beam.breaks.is_empty() && beam.t < 1.0 {
+        advance(&mut beam, 1e-3);
+        peak = peak.max(beam.state.force[stamp].z);
+    }
+    assert!(!beam.breaks.is_empty(), "it breaks");
+    peak
+}
+
+/// The two joints beside the middle cube carry M = P/2 (0.35 − 0.05); the larger P breaks one of them.
+#[test]
+fn a_beam_breaks_at_the_moment_of_its_joints() {
+    let (strength, b, h, arm) = (1e5, 0.1, 0.1f64, 0.5 * (0.35 - 0.05));
+    let linear = |p: f64| p * arm / (strength * b * h * h);
+    let found: Vec<f64> = [2, 4, 8, 16].map(|n| linear(bending(n, "bond", 0.02, 1e6))).into();
+    assert!((found[2] / 0.286 - 1.0).abs() < 0.03, "M/(σ_c b h²): {found:?}");
+    assert!((found[3] / 0.286 - 1.0).abs() < 0.03, "M/(σ_c b h²): {found:?}");
+    let error = |i: usize| (found[i] - 0.286).abs();
+    assert!(error(2) < error(0), "{found:?}");
+    // The hinge is at the centres of the outermost spheres.
+    let deep = h - 0.005;
+    let hinged = bending(8, "contact", 0.005, 3e7) * arm / (strength * b * deep * deep);
+    assert!((hinged / 0.4523 - 1.0).abs() < 0.03, "M/(σ_c b h²): {hinged}");
+}
+
+fn fragmented(at: f64) -> Bodies {
+    start(&format!(
+        "gravity = [0, 0, 0]
+        [time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.008
+        stiffness = 1e7
+        bond = {{ strength = 1e5, opening = 5e-4, points = 3 }}
+        [[body]]
+        name = 'beam'
+        box = [1, 0.2, 0.2]
+        density = 2000
+        bonded = true
+        fragments = {{ size = 0.12, seed = 5 }}
+        [[body]]
+        name = 'ball'
+        sphere = 0.1
+        at = [{at}, 0, 0.21]
+        density = 4000
+        velocity = [0, 0, -6]"
+    ))
+}
+
+/// Where a beam of random fragments breaks depends on where it is hit; no mass is lost.
+#[test]
+fn fragments_break_where_they_are_hit() {
+    let middle = |at: f64| {
+        let mut bodies = fragmented(at);
+        let n = bodies.state.len() - 1;
+        let mass: f64 = bodies.world.clusters[..n].iter().map(|c| c.mass).sum();
+        assert!((mass / 80.0 - 1.0).abs() < 1e-12, "{mass} kg");
+        let glued: f64 = bodies.joints.area.iter().sum();
+        assert!(n > 15 && bodies.joints.joints.len() > 2 * n && glued > 0.2);
+        let e = bodies.account().total();
+        advance(&mut bodies, 0.03);
+        let now = bodies.account().total();
+        assert!((now / e - 1.0).abs() < 0.01, "the account closes: {e}, {now}");
+        let broken: Vec<u32> = bodies.breaks.iter().map(|b| b.joint).collect();
+        assert!(broken.len() > 3 && broken.len() < bodies.joints.joints.len());
+        let x = bodies.breaks.iter().map(|b| b.place.x).sum::<f64>() / broken.len() as f64;
+        (broken, x)
+    };
+    let (left, x_left) = middle(-0.3);
+    let (right, x_right) = middle(0.3);
+    assert_ne!(left, right);
+    assert!(x_left < -0.05 && x_right > 0.05, "{x_left}, {x_right}");
+}
+
+/// An L of an STL file in pieces: mass, glue, and a message where the file is open.
+#[test]
+fn a_solid_of_a_file_is_fragmented() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let outline = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+    let mut triangles: Vec<[[f64; 3]; 3]> = Vec::new();
+    let at = |k: usize, z: f64| [outline[k % 6][0], outline[k % 6][1], z];
+    for [a, b, c] in [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]] {
+        triangles.push([at(a, 0.0), at(c, 0.0), at(b, 0.0)]);
+        triangles.push([at(a, 0.8), at(b, 0.8), at(c, 0.8)]);
+    }
+    for k in 0..6 {
+        triangles.push([at(k, 0.0), at(k + 1, 0.0), at(k + 1, 0.8)]);
+        triangles.push([at(k, 0.0), at(k + 1, 0.8), at(k, 0.8)]);
+    }
+    let text_of = |triangles: &[[[f64; 3]; 3]]| {
+        let mut text = "solid s\n".to_string();
+        for t in triangles {
+            text += "facet normal 0 0 0\nouter loop\n";
+            t.iter().for_each(|[x, y, z]| text += &format!("vertex {x} {y} {z}\n"));
+            text += "endloop\nendfacet\n";
+        }
+        text + "endsolid s\n"
+    };
+    std::fs::write(folder.join("angle.stl"), text_of(&triangles)).unwrap();
+    std::fs::write(folder.join("open.stl"), text_of(&triangles[1..])).unwrap();
+    let case = |file: &str| {
+        format!(
+            "[time]
+            end = 1
+            [bodies]
+            sphere_radius = 0.04
+            bond = {{ strength = 1e6, opening = 1e-3 }}
+            [[wall]]
+            name = 'ground'
+            plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}
+            [[body]]
+            name = 'angle'
+            file = '{file}'
+            density = 2000
+            bonded = true
+            fragments = {{ size = 0.5 }}"
+        )
+    };
+    let mut bodies = start_in(folder, &case("angle.stl")).unwrap();
+    let mass: f64 = bodies.world.clusters.iter().map(|c| c.mass).sum();
+    // The file's numbers have seven digits.
+    assert!((mass / (2000.0 * 2.4) - 1.0).abs() < 1e-7, "{mass}");
+    assert!(bodies.state.len() > 10 && bodies.joints.joints.len() > bodies.state.len());
+    // It stands on the ground as one.
+    advance(&mut bodies, 0.05);
+    assert!(bodies.breaks.is_empty());
+    let wrong = start_in(folder, &case("open.stl")).unwrap_err();
+    assert!(wrong.starts_with("case.toml:") && wrong.contains("body[1].file"), "{wrong}");
+    assert!(wrong.contains("not closed: 3 edges"), "{wrong}");
+}
+
+/// A pile of boulders, dropped: at rest at last, without more energy than it had.
+#[test]
+fn a_pile_comes_to_rest() {
+    let mut pile = start(
+        "[time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.04
+        stiffness = 1e6
+        restitution = 0.3
+        [[wall]]
+        name = 'ground'
+        plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+        [[body]]
+        name = 'boulders'
+        box = [0.3, 0.25, 0.2]
+        at = [0, 0, 0.12]
+        rotate = [4, 7, 12]
+        density = 2500
+        copies = { count = [1, 1, 4], spacing = [0.01, 0.01, 0.25] }",
+    );
+    let e = pile.account().total();
+    advance(&mut pile, 3.0);
+    let rest = pile.account();
+    assert!(rest.total() < e * (1.0 + 1e-6), "{e}, {rest:?}");
+    assert!((rest.total() / e - 1.0).abs() < 0.01);
+    assert!(rest.kinetic < 1e-5 * e, "{rest:?}");
+}

@@ -1,0 +1,55 @@
+//! Bodies and water together, against exact solutions.
+
+use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::simulation::Simulation;
+use partition::Communicator;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+fn start(text: String) -> Simulation {
+    let (file, tables) = ("case.toml".into(), BTreeMap::new());
+    let case = Case::new(&Sources { file, folder: PathBuf::from("/"), text, tables }).unwrap();
+    Simulation::new(case, &Communicator::single()).unwrap()
+}
+
+/// Velocity along x of the first body over the last step [m/s].
+fn speed(run: &Simulation) -> f64 {
+    run.bodies.as_ref().unwrap().placed()[0].twist.velocity.x
+}
+
+/// A block pushed along a channel that it fills, with water before it and no pressure at the far end:
+/// `a = F / (m + ρ A L)`, exactly, heavy or light.
+#[test]
+fn a_piston_pushes_its_column() {
+    let (force, dt, column) = (100.0, 1e-3, 1000.0 * 0.04 * 0.85);
+    for mass in [34.0, 0.34] {
+        let mut run = start(format!(
+            "gravity = [0, 0, 0]\n\
+             [mesh]\nbox = {{ x = [0, 1], y = [0, 0.2], z = [0, 0.2], cells = [20, 4, 4] }}\n\
+             [boundaries]\ndefault = \"slip\"\nx_max = \"open\"\n\
+             [water]\nviscosity = 0\n\
+             [time]\nend = 1\nstep = {dt}\n\
+             [solver]\ntolerance = 1e-8\n\
+             [bodies]\nsphere_radius = 0.05\nslip = true\n\
+             [[body]]\nname = \"piston\"\nbox = [0.3, 0.6, 0.6]\nat = [0, 0.1, 0.1]\n\
+             density = {}\nforce = [{force}, 0, 0]\n\
+             locked = [\"y\", \"z\", \"rx\", \"ry\", \"rz\"]\n",
+            mass / (0.3 * 0.36)
+        ));
+        let mut speeds = Vec::new();
+        for _ in 0..12 {
+            let report = run.step(dt).unwrap();
+            assert!(report.passes <= 6, "{} passes", report.passes);
+            speeds.push(speed(&run));
+        }
+        let acceleration = (speeds[11] - speeds[3]) / (8.0 * dt);
+        let exact = force / (mass + column);
+        assert!(
+            (acceleration / exact - 1.0).abs() < 0.01,
+            "{mass} kg: {acceleration}, not {exact}"
+        );
+        // What the water does to the block: what is left of the force.
+        let load = run.loads[0].reaction.force[0];
+        assert!((load / (-column * exact) - 1.0).abs() < 0.02, "{mass} kg: {load}");
+    }
+}
