@@ -225,14 +225,18 @@ impl Simulation {
         if let Some(obstacles) = self.obstacles.as_ref().filter(|o| o.move_at_all()) {
             let before = std::mem::take(&mut self.cut);
             let gravity = self.case.gravity;
-            self.cut = stages.time("cut", || obstacles.cut(part, t + dt));
-            let extension = Extension::new(part, &before, &self.cut, gravity);
-            if let Some(phase) = &mut self.phase {
-                stages.time("cut", || phase.follow(part, &self.cut, &extension));
-            }
-            if let Some(flow) = &mut self.flow {
-                flow.follow(part, &self.cut, &extension, gravity);
-            }
+            stages.time("cut", || {
+                self.cut = obstacles.cut(part, t + dt);
+                let coming = Extension::new(part, &before, &self.cut, gravity);
+                let going = Extension::new(part, &self.cut, &before, gravity);
+                self.cut.compare(part, &before, &going);
+                if let Some(phase) = &mut self.phase {
+                    phase.follow(part, &self.cut, &coming, &going);
+                }
+                if let Some(flow) = &mut self.flow {
+                    flow.follow(part, &self.cut, &coming, gravity);
+                }
+            });
         }
         if let Some(phase) = &mut self.phase {
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
