@@ -259,15 +259,21 @@ impl Simulation {
         if self.flow.is_some() && self.structures.move_at_all() {
             let before = std::mem::take(&mut self.cut);
             let gravity = self.case.gravity;
-            let structures = &self.structures;
-            self.cut = stages.time("cut", || structures.cut(part, self.bodies.as_ref(), t + dt));
-            let extension = Extension::new(part, &before, &self.cut, gravity);
-            if let Some(phase) = &mut self.phase {
-                stages.time("cut", || phase.follow(part, &self.cut, &extension));
-            }
-            if let Some(flow) = &mut self.flow {
-                flow.follow(part, &self.cut, &extension, gravity);
-            }
+            stages.time("cut", || {
+                self.cut = self.structures.cut(part, self.bodies.as_ref(), t + dt);
+                let coming = Extension::new(part, &before, &self.cut, gravity);
+                let going = Extension::new(part, &self.cut, &before, gravity);
+                // Bodies have moved over the step before this one: what they sweep in this is not known yet.
+                if self.bodies.is_none() {
+                    self.cut.compare(part, &before, &going);
+                }
+                if let Some(phase) = &mut self.phase {
+                    phase.follow(part, &self.cut, &coming, &going);
+                }
+                if let Some(flow) = &mut self.flow {
+                    flow.follow(part, &self.cut, &coming, gravity);
+                }
+            });
         }
         if let Some(phase) = &mut self.phase {
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));

@@ -58,6 +58,7 @@ mod tests {
     use super::*;
 
     /// Two bodies in each other's water: x = G(x) = a − M x with |M| > 1, for which the plain iteration diverges.
+    #[allow(non_snake_case)]
     #[test]
     fn a_linear_added_mass_is_solved_in_as_many_passes_as_it_has_directions() {
         let n = 12;

@@ -72,6 +72,23 @@ impl Extension {
     }
 }
 
+impl Extension {
+    /// The reverse: what nodes have goes to those they would take from, with the same weights. Of owned nodes;
+    /// ghosts are stale after. Collective.
+    pub fn hand_over(&self, part: &MeshPart, values: &mut [f64]) {
+        for layer in self.layers.iter().rev() {
+            values[part.n_owned()..].fill(0.0);
+            for (node, donors) in layer {
+                let value = std::mem::take(&mut values[*node as usize]);
+                for &(j, w) in &self.donors[donors.clone()] {
+                    values[j as usize] += w * value;
+                }
+            }
+            part.exchange.sum_to_owners(values);
+        }
+    }
+}
+
 /// Of a neighbour: near, and at the same height.
 fn weight(x: [f64; 3], y: [f64; 3], gravity: [f64; 3]) -> f64 {
     let r: [f64; 3] = std::array::from_fn(|k| y[k] - x[k]);

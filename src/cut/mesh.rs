@@ -1,5 +1,6 @@
 //! All elements of a rank: whole, cut or solid; the nodes without fluid; the faces of cut elements.
 
+use super::extension::Extension;
 use super::ghost::GhostFace;
 use super::level_set::LevelSet;
 use super::tetrahedron::{Part, Pieces, cut};
@@ -47,6 +48,9 @@ pub struct CutMesh {
     pub dry_nodes: Vec<u32>,
     /// Faces between two elements with fluid of which one is cut.
     pub ghost_faces: Vec<GhostFace>,
+    /// What the moments ∫N_i of local nodes have gained since the structures stood elsewhere [m³]; empty if they
+    /// never did.
+    pub gained: Vec<f64>,
     /// `WHOLE`, `SOLID` or an index into `elements`; empty without structures.
     state: Vec<u32>,
     /// 1 for local nodes with whole elements only around them; empty without structures.
@@ -103,7 +107,40 @@ impl CutMesh {
         part.exchange.update_ghosts(&mut far);
         let dry_nodes = (0u32..).zip(dry).filter(|(_, dry)| *dry == 1).map(|(n, _)| n).collect();
         let ghost_faces = ghost_faces(mesh, &state, &elements);
-        Self { distance: levels.distance, elements, dry_nodes, ghost_faces, state, far }
+        Self {
+            distance: levels.distance,
+            elements,
+            dry_nodes,
+            ghost_faces,
+            gained: Vec::new(),
+            state,
+            far,
+        }
+    }
+
+    /// Finds what the moments have gained since `before`. What nodes lose that have no fluid left is lost by
+    /// those of `going`. Collective.
+    pub fn compare(&mut self, part: &MeshPart, before: &CutMesh, going: &Extension) {
+        let mut gained = vec![0.0; part.n_local()];
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            let mut add = |cut: &CutMesh, sign: f64| {
+                let first = match cut.cell(e) {
+                    Cell::Whole => [0.25 * Tetrahedron::of(&part.mesh, e).volume; 4],
+                    Cell::Cut(c) => c.pieces.fluid.first,
+                    Cell::Solid => [0.0; 4],
+                };
+                tet.iter().zip(first).for_each(|(&n, m)| gained[n as usize] += sign * m);
+            };
+            match (self.cell(e), before.cell(e)) {
+                (Cell::Whole, Cell::Whole) | (Cell::Solid, Cell::Solid) => {}
+                _ => {
+                    add(self, 1.0);
+                    add(before, -1.0);
+                }
+            }
+        }
+        going.hand_over(part, &mut gained);
+        self.gained = gained;
     }
 
     /// How local element `e` stands to the structures.

@@ -50,7 +50,7 @@ impl Flow {
             let tet = &part.mesh.tets[c.element as usize];
             let surface = &surfaces[c.body as usize];
             let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
-            let [reaction, traction] = self.last_reaction(part, material, c, surface, &u, &p);
+            let [reaction, traction] = self.last_reaction(part, cut, material, c, surface, &u, &p);
             let load = &mut loads[c.body as usize];
             load.area += c.pieces.wall.size;
             for (i, x) in part.mesh.corners(c.element as usize).into_iter().enumerate() {

@@ -335,12 +335,14 @@ impl Flow {
     /// The wall in a cut element.
     fn wall<'a>(
         &self,
+        cut: &CutMesh,
         element: &'a Element,
         c: &'a CutElement,
         surface: &'a Surface,
         x: &'a [[f64; 3]; 4],
     ) -> WallElement<'a> {
-        WallElement { element, pieces: &c.pieces, surface, x, method: self.wall }
+        let swept = !cut.gained.is_empty();
+        WallElement { element, pieces: &c.pieces, surface, x, method: self.wall, swept }
     }
 
     fn assemble(
@@ -365,7 +367,7 @@ impl Flow {
                 Cell::Cut(c) => {
                     let mut system = element.system(&c.pieces.fluid);
                     let x = part.mesh.corners(e);
-                    self.wall(&element, c, &surfaces[c.body as usize], &x).add(&mut system);
+                    self.wall(cut, &element, c, &surfaces[c.body as usize], &x).add(&mut system);
                     system
                 }
                 _ => element.system(&Whole(element.geometry.volume)),
@@ -390,6 +392,12 @@ impl Flow {
                     }
                     self.pressure.values[slot][0][0] += system.pressure[4 * i + j];
                 }
+            }
+        }
+        // Where structures move, the continuity equation counts the very volume that nodes gain by it.
+        if self.wall == Method::Nitsche {
+            for (rhs, gained) in self.rhs.iter_mut().zip(&cut.gained).take(part.n_owned()) {
+                rhs[3] -= gained / dt;
             }
         }
         self.assemble_open_faces(part, cut, material, theta);
@@ -653,6 +661,7 @@ impl Flow {
     pub(super) fn last_reaction(
         &self,
         part: &MeshPart,
+        cut: &CutMesh,
         material: &Material,
         c: &CutElement,
         surface: &Surface,
@@ -663,6 +672,6 @@ impl Flow {
         let theta = if self.steps <= START_STEPS { 1.0 } else { 0.5 };
         let element = self.element(part, material, e, &self.u_old, self.dt_old, theta);
         let x = part.mesh.corners(e);
-        self.wall(&element, c, surface, &x).reaction(u, p)
+        self.wall(cut, &element, c, surface, &x).reaction(u, p)
     }
 }

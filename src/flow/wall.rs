@@ -51,6 +51,8 @@ pub struct WallElement<'a> {
     pub x: &'a [[f64; 3]; 4],
     /// How it is imposed.
     pub method: Method,
+    /// The flow through the wall, `∮ q ū·n`, is in the continuity equation as the volume that it sweeps.
+    pub swept: bool,
 }
 
 impl WallElement<'_> {
@@ -116,7 +118,9 @@ impl WallElement<'_> {
                 system.rhs[i][k] +=
                     along * v[k] + across * vn * n[k] + mu * adjoint + old * mu * s * known;
             }
-            system.rhs[i][3] -= consistent * vn;
+            if !self.swept {
+                system.rhs[i][3] -= consistent * vn;
+            }
             for j in 0..4 {
                 let m = wall.second[i][j];
                 let block = &mut system.matrix[4 * i + j];

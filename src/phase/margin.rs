@@ -1,6 +1,6 @@
 //! φ at nodes inside a structure whose elements reach into the fluid.
 //!
-//! Such a node has as little fluid as the cut leaves it: an equation of its own would ring. Its φ is given
+//! Such a node may have next to no fluid: then an equation of its own would ring. Its φ is given
 //! instead, from its neighbours in the fluid, j: ψ moves as theirs do in the mean, and stays within their
 //! distance, `|ψ_i − ψ_j| ≤ |x_i − x_j|`, as a distance must. At rest nothing moves. What its equation
 //! would have changed of the liquid's volume is owed by these neighbours (`excess`), so ∫φ is kept to round-off.
@@ -10,6 +10,11 @@ use super::profile::{logit, sigmoid};
 use crate::cut::CutMesh;
 use crate::fem::norm;
 use crate::mesh::MeshPart;
+
+/// A node is of the margin if the fluid around it is more than this many times its lumped mass; 4 is a whole
+/// support. Nodes with more fluid do well by their own equation; given φ with a step's lag, all of them
+/// are unstable at rest (measured: 4 no, 6 yes), and with 10 or more a plunger's wetted nodes ring.
+const SMALL: f64 = 6.0;
 
 /// The nodes, and who stands for them.
 #[derive(Clone, Debug, Default)]
@@ -25,8 +30,8 @@ pub(super) struct Margin {
 }
 
 impl Margin {
-    /// Collective.
-    pub fn new(part: &MeshPart, cut: &CutMesh) -> Self {
+    /// `ratio`: fluid around each local node over its lumped mass. Collective.
+    pub fn new(part: &MeshPart, cut: &CutMesh, ratio: &[f64]) -> Self {
         if cut.distance.is_empty() {
             return Self::default();
         }
@@ -34,7 +39,8 @@ impl Margin {
         for c in &cut.elements {
             let tet = part.mesh.tets[c.element as usize];
             let inside = |n: &u32| !cut.is_in_fluid(*n as usize);
-            for i in tet.into_iter().filter(inside) {
+            let small = |n: &u32| inside(n) && ratio[*n as usize] > SMALL;
+            for i in tet.into_iter().filter(small) {
                 pairs.extend(tet.into_iter().filter(|n| !inside(n)).map(|j| (i, j)));
             }
         }
@@ -88,14 +94,13 @@ pub(super) fn settle(phase: &mut Phase, part: &MeshPart) {
             let reach = 1.001 * r / *delta;
             (least, most) = (least.max(psi - reach), most.min(psi + reach));
         }
-        let psi = logit(phi[i]) + change;
-        let psi = if least > most { 0.5 * (least + most) } else { psi.clamp(least, most) };
-        let old = phi[i];
-        // Beyond the profile's ends a logit does not give φ back.
-        if psi != logit(old) {
-            phi[i] = sigmoid(psi);
-        }
-        margin.parked[i] += lumped[i] * (old - phi[i]);
+        let old = logit(phi[i]);
+        let new = old + change;
+        let new = if least > most { 0.5 * (least + most) } else { new.clamp(least, most) };
+        // A difference: beyond the profile's ends a logit does not give φ back.
+        let moved = sigmoid(new) - sigmoid(old);
+        phi[i] += moved;
+        margin.parked[i] -= lumped[i] * moved;
     }
     part.exchange.update_ghosts(phi);
     part.exchange.update_ghosts(&mut margin.parked);

@@ -177,21 +177,27 @@ impl Phase {
         let inverse = |m: f64| if m > 0.0 { 1.0 / m } else { 0.0 };
         self.lumped = sums.iter().map(|s| s[1]).collect();
         self.inverse_lumped = sums.iter().map(|s| inverse(s[1])).collect();
-        self.margin = margin::Margin::new(part, cut);
         let mut ratio: Vec<f64> = sums.iter().map(|s| s[0] * inverse(s[1])).collect();
+        self.margin = margin::Margin::new(part, cut, &ratio);
         // They take no part in the sub-steps.
         self.margin.nodes.iter().for_each(|&i| ratio[i as usize] = 4.0);
         regularise::set_stiffness(&part.mesh, &self.ratio, &ratio, &mut self.stiffness);
         self.ratio = ratio;
     }
 
-    /// The structures have moved: nodes that are wet now and were not take φ from `extension`. Water that cells
-    /// gain or lose beyond what the walls displaced is left to `restore_volume`. Collective.
-    pub fn follow(&mut self, part: &MeshPart, cut: &CutMesh, extension: &Extension) {
+    /// The structures have moved: nodes that are wet now and were not take φ from those of `coming`, and nodes
+    /// that were and are no more leave what they are owed to those of `going`. Collective.
+    pub fn follow(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        coming: &Extension,
+        going: &Extension,
+    ) {
         let (phi, _) = self.phi.as_chunks_mut::<1>();
-        extension.apply(part, phi);
+        coming.apply(part, phi);
+        going.hand_over(part, &mut self.excess);
         self.set_geometry(part, cut);
-        cut.dry_nodes.iter().for_each(|&i| self.excess[i as usize] = 0.0);
     }
 
     /// One step of length `dt` with the velocity at its middle. Collective.

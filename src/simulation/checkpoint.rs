@@ -154,7 +154,7 @@ impl Simulation {
             self.cut = self.structures.cut(part, self.bodies.as_ref(), self.clock.t);
             let nothing = Extension::default();
             if let Some(phase) = &mut self.phase {
-                phase.follow(part, &self.cut, &nothing);
+                phase.follow(part, &self.cut, &nothing, &nothing);
             }
             if let Some(flow) = &mut self.flow {
                 flow.follow(part, &self.cut, &nothing, self.case.gravity);
