@@ -247,7 +247,7 @@ impl Simulation {
                 }
             };
             let inflow = &mut self.inflow_values;
-            self.inflow.values(part, velocity, t, phase.delta(), inflow);
+            self.inflow.values(part, velocity, phase, [t, dt_phase], inflow);
             let moved = stages
                 .time("free surface", || {
                     phase.advance(part, &self.cut, dt_phase, velocity, fine_scale, inflow)

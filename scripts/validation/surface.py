@@ -171,7 +171,7 @@ def still_water(work):
     down = np.array([np.sin(tilt), 0, np.cos(tilt)])
     tilted = {
         "gravity": (-9.81 * down).tolist(),
-        "initial.water": f"{down[0]!r}*(x - 0.5) + {down[2]!r}*(z - 0.507) < 0",
+        "initial.water": f"{down[0]}*(x - 0.5) + {down[2]}*(z - 0.507) < 0",
         "boundaries.z_max": "slip",
     }
     gmsh = {"mesh": {"file": "tank.msh"}, "boundaries": {"default": "slip"}}

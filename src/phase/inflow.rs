@@ -1,6 +1,7 @@
 //! Where fluid may come in, and which: φ at the nodes of boundaries with a given velocity or pressure, and of
 //! all boundaries where the case prescribes the velocity everywhere.
 
+use super::Phase;
 use crate::case::{Boundary, Case, Formula};
 use crate::fem::{dot, norm, triangle_normal};
 use crate::mesh::MeshPart;
@@ -60,24 +61,27 @@ impl Inflow {
         Self { nodes, water, faces }
     }
 
-    /// Local nodes where fluid comes in with this velocity [m/s], and its φ, at time `t`, for profiles of
-    /// thickness `delta`.
+    /// Local nodes where fluid comes in with this velocity [m/s] over a step from `t` of length `dt`, and its φ.
+    ///
+    /// Gas takes the place of what is there in the time that it needs to cross a cell: where hardly any comes
+    /// in, the tail of the surface's profile stays.
     pub fn values(
         &self,
         part: &MeshPart,
         velocity: &[[f64; 3]],
-        t: f64,
-        delta: f64,
+        phase: &Phase,
+        [t, dt]: [f64; 2],
         out: &mut Vec<(u32, f64)>,
     ) {
         out.clear();
         for &(node, normal, which) in &self.nodes {
             let u = velocity[node as usize];
-            if dot(u, normal) < -ALONG * norm(u) * norm(normal) {
+            let inwards = -dot(u, normal) / norm(normal);
+            if inwards > ALONG * norm(u) {
                 let x = part.mesh.nodes[node as usize];
                 let phi = match &self.water[which as usize] {
-                    Some(distance) => super::profile::sigmoid(distance.at(x, t) / delta),
-                    None => 0.0,
+                    Some(distance) => super::profile::sigmoid(distance.at(x, t) / phase.delta()),
+                    None => phase.phi[node as usize] * (-inwards * dt / phase.cell()).exp(),
                 };
                 out.push((node, phi));
             }

@@ -242,7 +242,7 @@ fn field_names(case: &Case) -> Vec<(&'static str, usize)> {
     if case.gas.is_some() {
         names.push(("phase", 1));
     }
-    if !case.obstacles.is_empty() {
+    if !case.obstacles.is_empty() || case.bodies.is_some() {
         names.push(("structure_distance", 1));
     }
     names
