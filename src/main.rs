@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use fcm_fsi::case::{Case, CaseError, CaseFile, Sources};
-use fcm_fsi::report::plan;
+use fcm_fsi::report::{self, plan};
 use fcm_fsi::simulation::{Options, Simulation};
 use partition::Communicator;
 use std::path::{Path, PathBuf};
@@ -85,6 +85,9 @@ fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
         let plan = plan::of(&simulation.case, &simulation.part);
         if comm.rank() == 0 {
             println!("{plan}");
+            if let Some(bodies) = &simulation.bodies {
+                println!("{}", report::bodies::plan(bodies, simulation.case.time.end));
+            }
         }
         return Ok(());
     }

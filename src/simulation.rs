@@ -430,6 +430,7 @@ impl Simulation {
             dt: report.dt,
             courant,
             iterations: report.flow.iterations,
+            fluid: self.case.mesh != MeshSource::Nothing,
             volume_error: (volume.volume - volume.target) / volume.target.max(f64::MIN_POSITIVE),
         }
     }

@@ -198,6 +198,30 @@ impl BodiesOutput {
     }
 }
 
+/// Sizes, sub-step and cost of the bodies of a case that runs until `end` [s], as `--check` tells it.
+pub fn plan(bodies: &Bodies, end: f64) -> String {
+    let world = &bodies.world;
+    let spheres: usize = world.clusters.iter().map(|c| c.form.spheres.len()).sum();
+    let mass: f64 = world.clusters.iter().filter(|c| c.is_free()).map(|c| c.mass).sum();
+    let (joints, points) = (bodies.joints.joints.len(), bodies.joints.places.len());
+    let area: f64 = bodies.joints.area.iter().sum();
+    let (step, limit) = (bodies.time_step(), bodies.limit());
+    let steps = (end / step).ceil();
+    format!(
+        "bodies:  {} with {spheres} contact spheres, {mass:.4e} kg free to move\n\
+         bonds:   {joints} faces, {area:.4e} m2, {points} points\n\
+         substep: {step:.3e} s, {limit:.3e} s would be the longest stable one\n\
+         \x20        {steps:.3e} sub-steps, {:.1e} sphere-steps: about {:.0} s on one core if all touch",
+        world.clusters.len(),
+        steps * spheres as f64,
+        steps * (spheres as f64 / SPHERE_STEPS + points as f64 / POINT_STEPS),
+    )
+}
+
+/// Sphere-steps and point-steps of bonds a second of one core, roughly.
+const SPHERE_STEPS: f64 = 5e6;
+const POINT_STEPS: f64 = 5e7;
+
 /// Broken over glued area of each cluster; 0 where nothing was glued.
 fn damage(bodies: &Bodies) -> Vec<f64> {
     let mut areas = vec![[0.0; 2]; bodies.state.len()];

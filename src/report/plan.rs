@@ -81,6 +81,9 @@ pub fn of(case: &Case, part: &MeshPart) -> Plan {
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.nodes == 0 {
+            return write!(f, "memory:  {:.0} MB so far on the rank that needs most", self.memory);
+        }
         let [fewest, most] = self.tets_per_rank;
         writeln!(f, "mesh:    {} nodes, {} tetrahedra", self.nodes, self.tets)?;
         writeln!(f, "         {fewest} to {most} tetrahedra a rank")?;

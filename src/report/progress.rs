@@ -28,6 +28,8 @@ pub struct Line {
     pub iterations: u32,
     /// Volume error relative to the water there is.
     pub volume_error: f64,
+    /// Whether there is a fluid at all.
+    pub fluid: bool,
 }
 
 impl Progress {
@@ -51,17 +53,13 @@ impl Progress {
         let elapsed = self.started.elapsed().as_secs_f64();
         let done = (line.t - self.t_start) / (self.t_end - self.t_start);
         let left = if done > 0.0 { elapsed * (1.0 - done).max(0.0) / done } else { f64::NAN };
-        let text = format!(
-            "t {:.4} s of {} · step {} · Δt {:.2e} s · {} its · Courant {:.2} · volume error {:+.1e} · {} left",
-            line.t,
-            self.t_end,
-            line.step,
-            line.dt,
-            line.iterations,
-            line.courant,
-            line.volume_error,
-            duration(left),
-        );
+        let Line { t, step, dt, courant, iterations, volume_error, fluid } = line;
+        let mut text = format!("t {t:.4} s of {} · step {step} · Δt {dt:.2e} s · ", self.t_end);
+        if *fluid {
+            text += &format!("{iterations} its · Courant {courant:.2} · ");
+            text += &format!("volume error {volume_error:+.1e} · ");
+        }
+        text += &format!("{} left", duration(left));
         let mut out = std::io::stdout().lock();
         // A terminal that has gone away is no reason to stop.
         let _ = match (self.terminal, finished) {
