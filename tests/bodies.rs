@@ -223,3 +223,94 @@ fn a_pile_comes_to_rest() {
     assert!(rest.kinetic + rest.potential + rest.contact < 0.9 * e);
     assert!(rest.kinetic < 1e-4 * e, "{rest:?}");
 }
+
+/// What is wrong with bodies is said with line, key and the nearest name.
+#[test]
+fn wrong_bodies_are_refused() {
+    let good = "[time]
+end = 1
+[bodies]
+sphere_radius = 0.02
+bond = { strength = 1e5, opening = 1e-3 }
+[[wall]]
+name = 'ground'
+plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+[[body]]
+name = 'a'
+box = [0.1, 0.1, 0.1]
+density = 2000
+material = 'stone'
+ignores = ['ground']
+[[contact]]
+between = ['stone', 'stone']
+friction_angle = 20";
+    assert!(start_in(Path::new("/"), good).is_ok());
+    for (from, to, said) in [
+        ("box = [0.1, 0.1, 0.1]", "", "9: body[1]: needs one of box, sphere, cylinder, file"),
+        ("box =", "bxo =", "11: body[1].bxo: unknown key; did you mean \"box\"?"),
+        ("density = 2000", "", "9: body[1]: the key \"density\" is missing"),
+        ("density = 2000", "density = 0", "12: body[1].density: must be greater than 0, is 0"),
+        (
+            "['ground']",
+            "['grund']",
+            "14: body[1].ignores[1]: there is no wall \"grund\"; did you mean \"ground\"?",
+        ),
+        (
+            "['stone', 'stone']",
+            "['stone', 'stine']",
+            "16: contact[1].between[2]: nothing is made of \"stine\"; did you mean \"stone\"?",
+        ),
+        (
+            "friction_angle = 20",
+            "friction_angle = 90",
+            "17: contact[1].friction_angle: must be below 90 degrees, is 90",
+        ),
+        (
+            "[bodies]\nsphere_radius = 0.02",
+            "[bodies]\nsphere_radius = 0.06",
+            "3: body[1].sphere_radius: spheres of radius 0.06 do not fit",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\ntime_step = 1",
+            "5: bodies.time_step: 1.000e0 s is longer than the longest stable step",
+        ),
+        (
+            "normal = [0, 0, 1]",
+            "normal = [0, 0, 0]",
+            "8: wall[1].plane.normal: needs a direction, is 0",
+        ),
+        (
+            "density = 2000",
+            "density = 2000\ngrid = [2, 0, 1]",
+            "13: body[1].grid[2]: must be at least 1, is 0",
+        ),
+        (
+            "density = 2000",
+            "density = 2000\nhollow = true",
+            "13: body[1].hollow: leaves blocks out of a grid",
+        ),
+        ("[[wall]]", "[air]\n[[wall]]", "6: air: has no effect without a mesh"),
+    ] {
+        let said_now = start_in(Path::new("/"), &good.replace(from, to)).unwrap_err();
+        // The file's own table of the key is the next best line.
+        assert!(said_now.starts_with("case.toml:"), "{said_now}");
+        let expected = said.split_once(' ').map(|(_, rest)| rest).expect("a line and a text");
+        assert!(said_now.contains(expected), "{said_now}\nnot {said}");
+    }
+}
+
+/// A record of all ranks' state is enough to go on from, to the same bits.
+#[test]
+fn a_record_is_enough_to_go_on() {
+    let mut bodies = fragmented(0.1);
+    advance(&mut bodies, 0.015);
+    let record = bodies.record();
+    assert!(record.largest.contains(&BROKEN) && !record.keys.is_empty());
+    let mut other = fragmented(0.1);
+    other.resume(&record);
+    advance(&mut bodies, 0.01);
+    advance(&mut other, 0.01);
+    assert_eq!(bodies.state, other.state);
+    assert_eq!(bodies.record(), other.record());
+}
