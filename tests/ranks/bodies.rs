@@ -114,7 +114,7 @@ pub fn loose_bodies_cross_borders(comm: &Communicator) {
         box = [0.2, 0.2, 0.2]
         at = [0.8, 0.1, 0.1001]
         density = 2000
-        velocity = [-8, 0, 0]
+        velocity = [-1, 0, 0]
         copies = { count = [8, 3, 2], spacing = [0.3, 0.3, 0.21] }";
     let mut moved = 0;
     let mut before: Vec<bool> = Vec::new();
