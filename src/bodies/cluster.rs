@@ -219,6 +219,9 @@ impl State {
     /// ω along the axes of space [rad/s] that belongs to an angular momentum.
     #[inline]
     pub fn spin(pose: &Pose, inverse: &Vector3<f64>, momentum: &Vector3<f64>) -> Vector3<f64> {
+        if inverse.x == inverse.y && inverse.y == inverse.z {
+            return momentum * inverse.x;
+        }
         pose.rotation * pose.rotation.inverse_transform_vector(momentum).component_mul(inverse)
     }
 }
