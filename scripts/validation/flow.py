@@ -13,7 +13,7 @@ EXACT = "exact solution"
 
 
 def manufactured(cells, step, end, viscosity, tolerance=1e-6):
-    """P-F1 in a unit cube, ρ = 1, with the velocity given on its sides."""
+    """The manufactured flow in a unit cube, ρ = 1, with the velocity given on its sides."""
     u, force = formulas(viscosity, "xyz")
     return Variant(
         {
@@ -73,7 +73,7 @@ def orders(errors):
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
 
-@check("manufactured_space", "P-F1: orders in space of a manufactured flow in three dimensions")
+@check("manufactured_space", "orders in space of a manufactured flow in three dimensions")
 def manufactured_space(work):
     cells = [4, 8, 16] if work.quick else [8, 16, 32]
     for viscosity in (0.01, 1.0):
@@ -89,7 +89,7 @@ def manufactured_space(work):
         yield at_least(work, f"order of p, {name}", orders(p)[-1], 0.8, EXACT, reference=1.0)
 
 
-@check("manufactured_time", "P-F1: order in time of a manufactured flow in three dimensions")
+@check("manufactured_time", "order in time of a manufactured flow in three dimensions")
 def manufactured_time(work):
     """On one fine mesh, whose own error is the same for all steps as long as τ is the viscous one: what
     the results of two steps differ by is the error in time."""
@@ -207,7 +207,7 @@ def rotated(work):
         yield at_most(work, f"largest change of {name} by the turn, over its largest value", difference, 2e-6, "frame invariance")
 
 
-@check("taylor_green", "P-F2: decay of the plane Taylor-Green vortex")
+@check("taylor_green", "decay of the plane Taylor-Green vortex")
 def taylor_green(work):
     exact = np.exp(-0.4)
     cells = [16, 32] if work.quick else [32, 64]
@@ -237,7 +237,7 @@ def taylor_green(work):
     yield at_least(work, f"order of that, {cells[0]} → {cells[1]} cells", orders(errors)[-1], 1.8, EXACT, reference=2.0)
 
 
-@check("cavity", "P-F3: lid-driven cavity against Ghia, Ghia & Shin 1982")
+@check("cavity", "lid-driven cavity against Ghia, Ghia & Shin 1982")
 def cavity(work):
     runs = [(100, 64, 30.0, 0.01)]
     if not work.quick:

@@ -12,8 +12,8 @@ SOURCE = "independent of mesh and ranks"
 
 @check("iterations", "iterations to 1e-3 and 1e-6 on a dam break: 15k to 400k nodes, 1 to 16 ranks, open and closed")
 def iterations(work):
-    subprocess.run(["cargo", "build", "--release", "--locked", "--quiet", "--example", "iterations"], cwd=ROOT, check=True)
-    program = ROOT / "target/release/examples/iterations"
+    subprocess.run(["cargo", "build", "--release", "--locked", "--quiet", "--example", "step"], cwd=ROOT, check=True)
+    program = ROOT / "target/release/examples/step"
     state = work.folder / "state.json"
     subprocess.run([program, "state", state], stdout=subprocess.DEVNULL, check=True)
     sizes = {15: (1, 4, 16), 29: (1, 4, 16)} if work.quick else {15: (1, 2, 4, 16), 29: (1, 2, 4, 16), 46: (1, 16)}

@@ -7,7 +7,7 @@
 //! with `q = min φ(1−φ)` over the element's nodes, `d = ∇ψ_h·n̄ − 1` and the gate `G = d²/(d²+0.1²)`. A flat
 //! profile of width δ, at any slope, has ∇ψ_h = n̄ in every element: nothing moves, to round-off.
 //!
-//! METHOD has `r = ∇ψ_h − n_e` with the element's own normal. Its part across n_e is `(1 − 1/|∇ψ|)` times the
+//! With the element's own normal, `r = ∇ψ_h − n_e`, the part across n_e is `(1 − 1/|∇ψ|)` times the
 //! change of ∇ψ: where the profile is thicker than δ, |∇ψ| < 1, that is diffusion of the wrong sign, fastest at
 //! the grid scale, and a profile 1.5 δ thick breaks up into lumps. Here n̄ is averaged over the elements around
 //! the element's nodes, r acts along it, and across it only with diffusion of the right sign.

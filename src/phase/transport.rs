@@ -39,8 +39,12 @@ use crate::linear::{
 };
 use crate::mesh::MeshPart;
 
-/// Passes allowed for the nonlinear terms.
-const PASSES: u32 = 25;
+/// Passes allowed for the nonlinear terms: Newton's, and those of the paper's regularisation, which has no
+/// tangent here and gains little by more.
+const PASSES: [u32; 2] = [25, 6];
+/// How far the linear solve of one of Newton's passes reduces the residual it is given. The others are not
+/// driven to convergence: they are solved to the end, or what they leave would depend on the ranks.
+const PASS_TOLERANCE: f64 = 1e-2;
 /// Growth of the residual from which the tangent is not trusted. At the clip of ψ it stays for a pass or two.
 const GROWTH: f64 = 2.0;
 /// Change of φ per step that counts as none (root of the sum of squares over nodes).
@@ -129,6 +133,11 @@ pub(super) fn step(
 ) -> Result<Transport, Diverged> {
     let n_owned = part.n_owned();
     let nonlinear = phase.profile_correction || phase.form != Form::Psi;
+    let (passes, relative) = match phase.form {
+        _ if !nonlinear => (1, 0.0),
+        Form::Psi => (PASSES[0], PASS_TOLERANCE),
+        _ => (PASSES[1], 0.0),
+    };
 
     phase.before.copy_from_slice(&phase.phi);
     phase.profile.set(&phase.phi, phase.profile_correction);
@@ -175,14 +184,14 @@ pub(super) fn step(
             target = FLOOR.max(phase.tolerance * size);
         }
         // A NaN goes on to the Krylov method, which reports it.
-        if last || size <= target || report.passes == if nonlinear { PASSES } else { 1 } {
+        if last || size <= target || report.passes == passes {
             break;
         }
         set_matrix(phase, part, cut, given, newton);
         let s = &mut phase.solver;
         let product = OwnedProduct::plain::<1>(&s.halo);
         let settings = KrylovSettings {
-            relative: 0.0,
+            relative,
             absolute: target,
             max_iterations: phase.max_iterations,
             restart: 15,
