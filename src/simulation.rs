@@ -32,6 +32,8 @@ const GROWTH: f64 = 1.2;
 const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
+/// Cells that a wall crosses in a step at most: nodes beyond it hold for it no longer.
+const WALL_LIMIT: f64 = 0.25;
 
 /// Bodies without a fluid take this many sub-steps a step.
 const SUB_STEPS: f64 = 100.0;
@@ -224,7 +226,8 @@ impl Simulation {
         })
     }
 
-    /// One step of the paper's algorithm: the free surface, then velocity and pressure. Collective.
+    /// One step of the paper's algorithm: the free surface, where the structures stand, velocity and pressure.
+    /// Collective.
     ///
     /// The phase field stands at the middle of the flow's steps: it moves from tⁿ⁻½ to tⁿ⁺½ with uⁿ, and
     /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay).
@@ -255,6 +258,7 @@ impl Simulation {
                 .map_err(failed("free surface"))?;
             report.phase_iterations = moved.iterations;
             clock.t_phase += dt_phase;
+            report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
         }
         if self.flow.is_some() && self.structures.move_at_all() {
             let before = std::mem::take(&mut self.cut);
@@ -275,8 +279,7 @@ impl Simulation {
                 }
             });
         }
-        if let Some(phase) = &mut self.phase {
-            report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
+        if let Some(phase) = &self.phase {
             self.material.set_phase(&phase.phi);
         }
         if let Some(flow) = &mut self.flow {
@@ -351,7 +354,7 @@ impl Simulation {
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
-            let rate = courant_rate(&self.part, self.velocity()).max(self.wall_rate());
+            let rate = courant_rate(&self.part, self.velocity());
             let due = checkpoints.map(|schedule| schedule.next_time());
             let pictures = body_files.as_ref().map(|files| files.next_time());
             let due = output.next_time().into_iter().chain(due).chain(pictures);
@@ -475,7 +478,9 @@ impl Simulation {
                 if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {
                     wanted = wanted.min(WAVE_LIMIT * (phase.cell() / g).sqrt());
                 }
-                if let (Some(bodies), MeshSource::Nothing) = (&self.bodies, &self.case.mesh) {
+                if self.flow.is_some() {
+                    wanted = wanted.min(WALL_LIMIT / self.wall_rate());
+                } else if let Some(bodies) = &self.bodies {
                     wanted = (SUB_STEPS * bodies.time_step()).min(time.max_step);
                 }
                 let next = due.filter(|&d| d > t * (1.0 + 1e-9)).fold(time.end, f64::min);

@@ -115,3 +115,31 @@ fn a_wall_holds_water_back() {
         assert!((force / exact - 1.0).abs() < 0.02, "{force} {exact}");
     }
 }
+
+/// A plunger lowered into the water and raised, nothing corrected: the water is still there, and the surface rose
+/// by what it displaced.
+#[test]
+fn a_plunger_neither_makes_nor_destroys_water() {
+    let mut run = simulation(
+        r#"
+        mesh = { box = { x = [0, 1], y = [0, 0.5], z = [0, 0.8], cells = [16, 8, 14] }, jitter = 0.1 }
+        boundaries = { default = "slip", z_max = "open" }
+        initial.water = "z < 0.4"
+        air = {}
+        free_surface.volume_correction = "off"
+        time = { end = 1, max_step = 0.02 }
+        [[obstacle]]
+        name = "plunger"
+        cuboid = [0.3, 0.25, 0.3]
+        at = [0.5, 0.25, 0.6]
+        wall = "slip"
+        displacement = [0, 0, "-0.1*(1-cos(2*pi*t))"]
+        "#,
+    );
+    let mut worst = 0.0f64;
+    for _ in 0..50 {
+        let volume = run.step(0.02).unwrap().volume;
+        worst = worst.max((volume.volume / volume.target - 1.0).abs());
+    }
+    assert!(worst < 3e-3, "{worst}");
+}

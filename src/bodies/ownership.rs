@@ -1,4 +1,4 @@
-//! Which clusters this rank moves, and which of other ranks it knows (METHOD.md, 5).
+//! Which clusters this rank moves, and which of other ranks it knows (METHOD.md, 6).
 //!
 //! A cluster belongs to the rank that its centroid's place belongs to; a rule says which, and may leave a
 //! cluster where it is. Without a mesh the rule is a recursive bisection of the clusters as they stand at

@@ -1,4 +1,4 @@
-//! Structures cut through the mesh (METHOD.md, 4): which part of each element is fluid, and where the walls are.
+//! Structures cut through the mesh (METHOD.md, 5): which part of each element is fluid, and where the walls are.
 //!
 //! - `tetrahedron`: one element cut by a level set that is linear in it.
 //! - `level_set`: signed distances to the structures at the nodes, only near them.

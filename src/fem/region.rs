@@ -1,7 +1,7 @@
 //! The part of an element that integrals run over, known by its P1 moments `∫1`, `∫N_i`, `∫N_iN_j`.
 //!
 //! They are all that the weak forms ask of a quadrature, so an element that a structure cuts is an ordinary
-//! element with other moments (METHOD.md, 4). Weak forms are written once, over `Region`, and compiled twice.
+//! element with other moments (METHOD.md, 5). Weak forms are written once, over `Region`, and compiled twice.
 
 /// Moments of a region inside a tetrahedron.
 pub trait Region: Copy {

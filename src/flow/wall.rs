@@ -1,4 +1,4 @@
-//! The velocity of a structure's surface, imposed weakly on the wall in a cut element (METHOD.md, 4).
+//! The velocity of a structure's surface, imposed weakly on the wall in a cut element (METHOD.md, 5).
 //!
 //! Nitsche's method, n out of the fluid, ū the surface's velocity:
 //!

@@ -227,6 +227,16 @@ impl Phase {
         if self.form == Form::Psi {
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
+        // When the walls moved, cells gained and lost water of the old φ; what has flowed since went with the mean
+        // of old and new.
+        for (i, gained) in cut.gained.iter().enumerate().take(part.n_owned()) {
+            // A node that has lost nearly all it had cannot bear all of it.
+            let gained = gained.clamp(-self.lumped[i], self.lumped[i]);
+            let owed = 0.5 * gained * (self.phi[i] - self.before[i]);
+            let account =
+                if self.margin.contains(i) { &mut self.margin.parked } else { &mut self.excess };
+            account[i] += owed;
+        }
         margin::settle(self, part);
         Ok(report)
     }
