@@ -1,5 +1,7 @@
 //! The case's obstacles: shapes, where they stand at a time, how they move over a step.
 
+mod terrain;
+
 use crate::case::{self, Case, CaseError};
 use crate::cut::level_set::Solid;
 use crate::cut::{Motion, Surface, Wall};
@@ -8,6 +10,7 @@ use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
+use terrain::ground;
 
 /// All obstacles of a case.
 #[derive(Clone, Debug)]
@@ -118,6 +121,9 @@ fn surface(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
     Shape::mesh(surface).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-fn terrain(path: &Path, _bytes: &[u8]) -> Result<Shape, String> {
-    Err(format!("{}: grids of heights are not read yet", path.display()))
+fn terrain(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
+    let named = |e: String| format!("{}: {e}", path.display());
+    let text = std::str::from_utf8(bytes).map_err(|e| named(e.to_string()))?;
+    let ground = ground(text).map_err(named)?;
+    Shape::mesh(ground).map_err(|e| named(e.to_string()))
 }
