@@ -183,6 +183,28 @@ def water_actors(grid):
     return actors
 
 
+def structure_actors(grid, bodies, time):
+    """Bodies where they are at this time; without a file of them, where structures cut the mesh."""
+    if bodies is not None:
+        # Written at equal times.
+        _, end = bodies.at(bodies.count - 1)
+        step = round(time / end * (bodies.count - 1)) if end > 0 else 0
+        surface = surface_of(bodies.at(min(step, bodies.count - 1))[0])
+    elif grid.GetPointData().HasArray("structure_distance"):
+        grid.GetPointData().SetActiveScalars("structure_distance")
+        contour = vtkContourFilter()
+        contour.SetInputData(grid)
+        contour.SetValue(0, 0.0)
+        contour.ComputeScalarsOff()
+        contour.Update()
+        surface = contour.GetOutput()
+    else:
+        return []
+    made = actor(surface, OBSTACLE)
+    made.GetProperty().SetInterpolationToFlat()
+    return [made]
+
+
 def light(direction, intensity):
     made = vtkLight()
     made.SetLightTypeToCameraLight()
@@ -215,7 +237,7 @@ def look_at(tank, view, camera):
     return ratio
 
 
-def draw_water(fields, tank, steps, view, width, folder):
+def draw_water(fields, bodies, tank, steps, view, width, folder):
     """One picture a step; returns their files and times."""
     renderer = vtkRenderer()
     renderer.SetBackground(1, 1, 1)
@@ -241,8 +263,8 @@ def draw_water(fields, tank, steps, view, width, folder):
             for made in tank_actors(grid, tank):
                 renderer.AddActor(made)
             renderer.ResetCameraClippingRange()
-        water = water_actors(grid)
-        for made in water:
+        moving = structure_actors(grid, bodies, time) + water_actors(grid)
+        for made in moving:
             renderer.AddActor(made)
         window.Render()
         shot = vtkWindowToImageFilter()
@@ -257,7 +279,7 @@ def draw_water(fields, tank, steps, view, width, folder):
         path = folder / f"water-{k}.png"
         plt.imsave(path, pixels)
         drawn.append((pixels, time))
-        for made in water:
+        for made in moving:
             renderer.RemoveActor(made)
     return drawn
 
@@ -435,9 +457,10 @@ def main():
         if arguments.view:
             view = np.array([float(x) for x in arguments.view.split(",")])
         if grid.GetPointData().HasArray("phase"):
-            draw_sheet(
-                draw_water(fields, tank, steps, view, arguments.width, folder), folder / "water.png"
-            )
+            path = directory / "bodies.vtkhdf"
+            bodies = Fields(path) if path.exists() else None
+            pictures = draw_water(fields, bodies, tank, steps, view, arguments.width, folder)
+            draw_sheet(pictures, folder / "water.png")
             drawn += [f"water-{k}.png" for k in range(1, len(steps) + 1)] + ["water.png"]
         if draw_slices(fields, tank, fields.steps(min(arguments.times, 4)), folder / "slices.png"):
             drawn.append("slices.png")

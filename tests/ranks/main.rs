@@ -7,6 +7,7 @@
 
 mod bodies;
 mod communication;
+mod coupling;
 mod gauges;
 mod linear;
 mod parts;
@@ -48,6 +49,7 @@ const BODIES: &[(&str, Body)] = &[
     ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
     ("a_wall_breaks_alike", bodies::a_wall_breaks_alike),
     ("loose_bodies_cross_borders", bodies::loose_bodies_cross_borders),
+    ("boxes_in_a_wave", coupling::boxes_in_a_wave),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 

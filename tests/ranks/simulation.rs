@@ -19,8 +19,17 @@ fn case(top: &str, solver: &str) -> Case {
          [time]\nend = 1\nstep = 0.008\n\
          [solver]\n{solver}\n"
     );
+    parse(text)
+}
+
+fn parse(text: String) -> Case {
     let (file, tables) = ("ranks/case.toml".into(), BTreeMap::new());
     Case::new(&Sources { file, folder: PathBuf::from("/ranks"), text, tables }).unwrap()
+}
+
+/// A case at t = 0.
+pub fn start(text: &str, comm: &Communicator) -> Simulation {
+    Simulation::new(parse(text.into()), comm).unwrap()
 }
 
 /// (u, v, w, p, φ) at owned nodes.
