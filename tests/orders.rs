@@ -18,7 +18,7 @@ type Matrix = [[f64; 3]; 3];
 /// What stands for x, y, z in a formula.
 type Places = [String; 3];
 
-/// The flow of a case on a mesh of the test's own making; the case's is a placeholder.
+/// The flow of a case on a mesh of the test's own making, in place of the case's single cell.
 struct Setting {
     part: MeshPart,
     flow: Flow,

@@ -4,43 +4,7 @@ use super::simulation::start;
 use partition::Communicator;
 
 /// A column of water falls onto two glued boxes, light for it, that stand across the ranks' borders.
-const CASE: &str = r#"
-[mesh]
-box = { x = [0, 1], y = [0, 0.3], z = [0, 0.5], cells = [20, 6, 10] }
-
-[boundaries]
-default = "slip"
-z_max = "open"
-
-[initial]
-water = "x < 0.35 && z < 0.3 || z < 0.06"
-
-[air]
-
-[time]
-end = 1
-
-[solver]
-tolerance = 1e-10
-phase_tolerance = 1e-12
-
-[bodies]
-sphere_radius = 0.02
-slip = true
-bond = { strength = 1e4, opening = 1e-3 }
-
-[[wall]]
-name = "floor"
-plane = { point = [0, 0, 0], normal = [0, 0, 1] }
-
-[[body]]
-name = "boxes"
-box = [0.12, 0.24, 0.12]
-at = [0.5, 0.16, 0.065]
-grid = [1, 2, 1]
-density = 400
-bonded = true
-"#;
+const CASE: &str = include_str!("../boxes_in_a_wave.toml");
 
 /// Places after some steps, against those of the same run on one rank.
 pub fn boxes_in_a_wave(comm: &Communicator) {
