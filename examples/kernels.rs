@@ -27,7 +27,7 @@ fn main() {
     let part = MeshPart::distribute(&comm, mesh, 0).expect("a good mesh");
     let problem = Oseen::tank(n, 1.0, true);
     let (system, L) = problem.assemble(&part);
-    let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &system);
+    let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &system.pattern);
     let A = DistributedOperator::new(&system, &halo);
     let nodes = comm.sum(part.n_owned() as f64);
 

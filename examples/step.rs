@@ -12,6 +12,7 @@
 use fcm_fsi::case::{Case, Sources};
 use fcm_fsi::fem::courant_rate;
 use fcm_fsi::flow::Flow;
+use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::phase::inflow::Inflow;
 use fcm_fsi::phase::{Phase, initial};
 use fcm_fsi::report::summary::memory_peak_mb;
@@ -114,9 +115,18 @@ fn begin(case: Case, comm: &Communicator, state: &State) -> Simulation {
     let phi = initial::profile(&distance, fcm_fsi::phase::delta(&case.free_surface, cell));
     run.material.set_phase(&phi);
     let faces = Inflow::new(case, part).faces;
-    run.phase =
-        Some(Phase::new(part, &run.cut, &case.free_surface, &case.solver, cell, phi, faces));
-    run.flow = Some(Flow::new(case, part, &run.cut, velocity));
+    let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+    run.phase = Some(Phase::new(
+        part,
+        &run.cut,
+        &graph,
+        &case.free_surface,
+        &case.solver,
+        cell,
+        phi,
+        faces,
+    ));
+    run.flow = Some(Flow::new(case, part, &run.cut, &graph, velocity));
     run
 }
 

@@ -6,6 +6,7 @@ use crate::case::nearest::did_you_mean;
 use crate::case::{Case, CaseError, MeshSource};
 use crate::cut::CutMesh;
 use crate::flow::{Flow, Material};
+use crate::linear::NodeGraph;
 use crate::mesh::quality::{self, Quality};
 use crate::mesh::tetrahedron::Tetrahedron;
 use crate::mesh::{Mesh, MeshError, MeshPart, boxes, import};
@@ -85,13 +86,19 @@ pub fn velocity(case: &Case, part: &MeshPart) -> Vec<[f64; 3]> {
 }
 
 /// The flow at t = 0, unless its velocity is given for all times or there is no fluid.
-pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh) -> Option<Flow> {
+pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh, graph: &NodeGraph) -> Option<Flow> {
     let computed = case.prescribed_velocity.is_none() && case.mesh != MeshSource::Nothing;
-    computed.then(|| Flow::new(case, part, cut, velocity(case, part)))
+    computed.then(|| Flow::new(case, part, cut, graph, velocity(case, part)))
 }
 
 /// The phase field at t = 0, unless there is only one fluid. Collective.
-pub fn phase(case: &Case, part: &MeshPart, cut: &CutMesh, inflow: &Inflow) -> Option<Phase> {
+pub fn phase(
+    case: &Case,
+    part: &MeshPart,
+    cut: &CutMesh,
+    graph: &NodeGraph,
+    inflow: &Inflow,
+) -> Option<Phase> {
     case.gas?;
     let mut distance: Vec<f64> = match &case.initial.water {
         Some(formula) => part.mesh.nodes.iter().map(|&x| formula.at(x, 0.0)).collect(),
@@ -105,7 +112,16 @@ pub fn phase(case: &Case, part: &MeshPart, cut: &CutMesh, inflow: &Inflow) -> Op
     }
     let delta = crate::phase::delta(&case.free_surface, cell);
     let phi = initial::profile(&distance, delta);
-    Some(Phase::new(part, cut, &case.free_surface, &case.solver, cell, phi, inflow.faces.clone()))
+    Some(Phase::new(
+        part,
+        cut,
+        graph,
+        &case.free_surface,
+        &case.solver,
+        cell,
+        phi,
+        inflow.faces.clone(),
+    ))
 }
 
 /// The material at t = 0.

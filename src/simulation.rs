@@ -8,7 +8,7 @@ use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
-use crate::linear::Diverged;
+use crate::linear::{Diverged, NodeGraph};
 use crate::mesh::MeshPart;
 use crate::mesh::balance::Balance;
 use crate::mesh::quality::Quality;
@@ -192,9 +192,10 @@ impl Simulation {
         let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
         let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
-        let phase = setup::phase(&case, &part, &cut, &inflow);
+        let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+        let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
-        let flow = setup::flow(&case, &part, &cut);
+        let flow = setup::flow(&case, &part, &cut, &graph);
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {

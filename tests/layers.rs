@@ -30,7 +30,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     ("coupling", &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "obstacles"], &[]),
     ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
-    ("setup", &["bodies", "case", "cut", "flow", "mesh", "phase", "shape"], &["io", "partition"]),
+    (
+        "setup",
+        &["bodies", "case", "cut", "flow", "linear", "mesh", "phase", "shape"],
+        &["io", "partition"],
+    ),
     ("report", &["bodies", "case", "fem", "flow", "mesh", "phase"], &["io"]),
     ("flow", &["case", "cut", "fem", "linear", "mesh"], &[]),
     ("phase", &["case", "cut", "fem", "linear", "mesh"], &[]),

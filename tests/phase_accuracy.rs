@@ -2,6 +2,7 @@
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
 use fcm_fsi::cut::CutMesh;
+use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::tetrahedron::Tetrahedron;
 use fcm_fsi::mesh::{Mesh, MeshPart};
@@ -47,7 +48,9 @@ impl Run {
                 lumped[n as usize] += 0.25 * Tetrahedron::of(&part.mesh, e).volume;
             }
         }
-        let phase = Phase::new(&part, &CutMesh::whole(), settings, &SOLVER, h, phi, Vec::new());
+        let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+        let phase =
+            Phase::new(&part, &CutMesh::whole(), &graph, settings, &SOLVER, h, phi, Vec::new());
         Self { part, phase, lumped }
     }
 

@@ -17,9 +17,8 @@ use crate::fem::constraints::{Constraints, FREE};
 use crate::fem::region::{Region, Whole};
 use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{norm, triangle_normal};
-use crate::linear::block_csr::ElementSlots;
 use crate::linear::{
-    BlockCsr, Converged, DistributedOperator, Diverged, Halo, InnerProduct, KrylovSettings,
+    BlockCsr, Converged, DistributedOperator, Diverged, InnerProduct, KrylovSettings, NodeGraph,
     OwnedProduct, SchurPreconditioner, Workspace, fgmres, residual_weights,
 };
 use crate::mesh::MeshPart;
@@ -67,7 +66,6 @@ pub struct Flow {
     smallest: f64,
     matrix: BlockCsr<4>,
     pressure: BlockCsr<1>,
-    slots: ElementSlots,
     /// Entries of the ghost penalty that the matrix has no place for.
     across: Vec<Entry>,
     constrained_entries: Vec<(u32, u32, u32)>,
@@ -75,7 +73,7 @@ pub struct Flow {
     x: Vec<[f64; 4]>,
     a: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
-    halo: Halo,
+    graph: NodeGraph,
     weights: Vec<f64>,
     preconditioner: SchurPreconditioner,
     workspace: Workspace,
@@ -113,15 +111,19 @@ pub struct FlowReport {
 
 impl Flow {
     /// With the given velocity but for what the boundaries fix at t = 0; pressure unknown. Collective.
-    pub fn new(case: &Case, part: &MeshPart, cut: &CutMesh, mut u: Vec<[f64; 3]>) -> Self {
+    pub fn new(
+        case: &Case,
+        part: &MeshPart,
+        cut: &CutMesh,
+        graph: &NodeGraph,
+        mut u: Vec<[f64; 3]>,
+    ) -> Self {
         let n = part.n_local();
         assert_eq!(u.len(), n, "one velocity per local node");
         let constraints = Constraints::new(case, part, &cut.bodies_of_fluid(part));
         let mut p = vec![0.0; n];
         constraints.impose(part, 0.0, 0.0, &mut u, &mut p);
         cut.dry_nodes.iter().for_each(|&i| u[i as usize] = [0.0; 3]);
-        let (matrix, slots) = BlockCsr::<4>::of_elements(&part.mesh.tets, part.n_owned());
-        let pressure = BlockCsr::<1>::with_pattern_of(&matrix);
         let open_faces = part
             .mesh
             .boundary
@@ -135,8 +137,7 @@ impl Flow {
         let owned = 0..part.n_owned_elements;
         let sizes = owned.map(|e| Tetrahedron::of(&part.mesh, e).size());
         let smallest = part.comm.min(sizes.fold(f64::INFINITY, f64::min));
-        let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix);
-        let preconditioner = SchurPreconditioner::new(&halo);
+        let preconditioner = SchurPreconditioner::new(&graph.halo);
         let mut flow = Self {
             u_old: u.clone(),
             u,
@@ -160,12 +161,11 @@ impl Flow {
             x: vec![[0.0; 4]; n],
             a: vec![[0.0; 3]; n],
             nodal_force: Vec::new(),
-            matrix,
-            pressure,
-            slots,
+            matrix: BlockCsr::zero(&graph.pattern),
+            pressure: BlockCsr::zero(&graph.pattern),
             across: Vec::new(),
             constrained_entries: Vec::new(),
-            halo,
+            graph: graph.clone(),
             weights: Vec::new(),
             preconditioner,
             workspace: Workspace::default(),
@@ -180,7 +180,7 @@ impl Flow {
         self.constrained_entries.clear();
         for i in 0..self.matrix.n_rows() {
             for entry in self.matrix.row(i) {
-                let j = self.matrix.columns[entry];
+                let j = self.matrix.pattern.columns[entry];
                 if !nodes[i].is_free() || !nodes[j as usize].is_free() {
                     self.constrained_entries.push((entry as u32, i as u32, j));
                 }
@@ -298,7 +298,7 @@ impl Flow {
     /// and of the pressure operator.
     fn solve(&mut self, starting: bool) -> Result<Converged, Diverged> {
         residual_weights(&self.matrix, &self.pressure, &mut self.weights);
-        let product = OwnedProduct::weighted::<4>(&self.halo, &self.weights);
+        let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
         let rhs = self.rhs.as_flattened();
 
         let settings = KrylovSettings {
@@ -311,7 +311,7 @@ impl Flow {
             max_iterations: self.max_iterations,
             restart: RESTART,
         };
-        let matrix = DistributedOperator::new(&self.matrix, &self.halo);
+        let matrix = DistributedOperator::new(&self.matrix, &self.graph.halo);
         let constraints = &self.constraints.nodes;
         fgmres(
             &WithEntries { matrix, entries: &self.across, constraints },

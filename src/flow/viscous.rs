@@ -27,7 +27,7 @@ pub fn operators(
     theta: f64,
 ) -> ViscousOperators {
     let n = part.n_owned();
-    let mut velocity: [BlockCsr<1>; 3] = std::array::from_fn(|_| BlockCsr::with_pattern_of(matrix));
+    let mut velocity: [BlockCsr<1>; 3] = std::array::from_fn(|_| BlockCsr::zero(&matrix.pattern));
     for (c, velocity) in velocity.iter_mut().enumerate() {
         for (v, block) in velocity.values.iter_mut().zip(&matrix.values) {
             *v = [[block[c][c]]];
@@ -52,7 +52,7 @@ pub fn operators(
     }
     for i in 0..n {
         for entry in matrix.row(i) {
-            let j = matrix.columns[entry] as usize;
+            let j = matrix.pattern.columns[entry] as usize;
             for (c, velocity) in velocity.iter_mut().enumerate() {
                 let free = |node: usize| {
                     let row = constraints.nodes[node].free[c];

@@ -46,6 +46,12 @@ pub struct ElementSystem {
     pub pressure: [f64; 16],
 }
 
+/// Vectors with a fourth entry each, so that a row of a block fills SIMD lanes.
+#[inline]
+fn lanes(v: [[f64; 3]; 4], last: [f64; 4]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|i| [v[i][0], v[i][1], v[i][2], last[i]])
+}
+
 struct Parameters {
     a: [f64; 3],
     tau: f64,
@@ -98,6 +104,13 @@ impl Element {
         let dt_eff = 1.0 / (1.0 / dt + 2.0 * theta * speed / h);
         let laplace = dt_eff / rho * v + pspg;
 
+        // What multiplies ∂N_i/∂x_k in row k of block (i, j), and what stands in its continuity row.
+        let trial =
+            lanes(grad.map(|g| g.map(|g| lsic * g)), std::array::from_fn(|j| -fluid.first(j)));
+        let along = lanes(*grad, [0.0; 4]);
+        let bent = grad_mu.map(|g| -theta * g);
+        let laplacian = [pspg * bent[0], pspg * bent[1], pspg * bent[2], pspg];
+
         let mut system = ElementSystem::default();
         for i in 0..4 {
             let gi = &grad[i];
@@ -113,6 +126,12 @@ impl Element {
                     - supg * s[i] * known[k];
             }
             system.rhs[i][3] = -pspg * dot(*gi, known);
+            let streamline = supg * s[i];
+            // What multiplies ∂N_j/∂x_k in row k.
+            let mut test = [0.0, 0.0, 0.0, streamline];
+            for k in 0..3 {
+                test[k] = visc * gi[k] + streamline * bent[k];
+            }
             for j in 0..4 {
                 let gj = &grad[j];
                 let gg = dot(*gi, *gj);
@@ -120,19 +139,18 @@ impl Element {
                 let r = rho * (share[j] / dt + theta * s[j]) - theta * g_mu[j];
                 let scalar = mass * fluid.second(i, j)
                     + theta * rho * dot(ai, *gj)
-                    + supg * s[i] * r
+                    + streamline * r
                     + visc * gg;
                 let block = &mut system.matrix[4 * i + j];
                 for k in 0..3 {
-                    for b in 0..3 {
-                        block[k][b] = visc * gi[b] * gj[k] + lsic * gi[k] * gj[b]
-                            - supg * s[i] * theta * gj[k] * grad_mu[b];
+                    for c in 0..4 {
+                        block[k][c] = gj[k] * test[c] + gi[k] * trial[j][c];
                     }
                     block[k][k] += scalar;
-                    block[k][3] = -fluid.first(j) * gi[k] + supg * s[i] * gj[k];
-                    block[3][k] = weight * gj[k] + pspg * (gi[k] * r - theta * gg * grad_mu[k]);
                 }
-                block[3][3] = pspg * gg;
+                for c in 0..4 {
+                    block[3][c] = weight * along[j][c] + pspg * r * along[i][c] + gg * laplacian[c];
+                }
                 system.pressure[4 * i + j] = laplace * gg;
             }
         }

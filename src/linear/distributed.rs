@@ -5,8 +5,10 @@
 use super::block_csr::BlockCsr;
 use super::krylov::PIECE;
 use super::operator::{InnerProduct, Operator};
+use super::pattern::{ElementPlaces, Pattern};
 use partition::{Communicator, Exchange, IndexMap, Item};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Index of a node that is in no aggregate.
 pub const NONE: u32 = u32::MAX;
@@ -16,7 +18,7 @@ pub const NONE: u32 = u32::MAX;
 pub struct Halo {
     comm: Communicator,
     exchange: Exchange,
-    nodes: IndexMap,
+    nodes: Arc<IndexMap>,
     /// Runs of rows without ghost columns.
     interior: Vec<Range<u32>>,
     /// The other rows.
@@ -24,18 +26,18 @@ pub struct Halo {
 }
 
 impl Halo {
-    /// Of matrices with this one's pattern, whose rows are the owned indices of `nodes`.
-    pub fn new<const B: usize>(
+    /// Of matrices with this pattern, whose rows are the owned indices of `nodes`.
+    pub fn new(
         comm: &Communicator,
         nodes: &IndexMap,
         exchange: &Exchange,
-        graph: &BlockCsr<B>,
+        pattern: &Pattern,
     ) -> Self {
-        assert_eq!(graph.n_rows(), nodes.n_owned, "rows are owned nodes");
+        assert_eq!(pattern.n_rows(), nodes.n_owned, "rows are owned nodes");
         let (mut interior, mut border) = (Vec::<Range<u32>>::new(), Vec::<Range<u32>>::new());
         for i in 0..nodes.n_owned as u32 {
-            let columns = &graph.columns[graph.row(i as usize)];
-            let inner = columns.iter().all(|&j| (j as usize) < nodes.n_owned);
+            let inner =
+                pattern.columns_of(i as usize).iter().all(|&j| (j as usize) < nodes.n_owned);
             let runs = if inner { &mut interior } else { &mut border };
             match runs.last_mut() {
                 Some(run) if run.end == i => run.end += 1,
@@ -45,7 +47,7 @@ impl Halo {
         Self {
             comm: comm.clone(),
             exchange: exchange.clone(),
-            nodes: nodes.clone(),
+            nodes: Arc::new(nodes.clone()),
             interior,
             border,
         }
@@ -66,7 +68,13 @@ impl Halo {
         let (comm, nodes) = (Communicator::single(), IndexMap::single(n));
         let exchange = Exchange::new(&comm, &nodes);
         let all = 0..n as u32;
-        Self { comm, exchange, nodes, interior: Vec::from([all]), border: Vec::new() }
+        Self {
+            comm,
+            exchange,
+            nodes: Arc::new(nodes),
+            interior: Vec::from([all]),
+            border: Vec::new(),
+        }
     }
 
     /// Ghosts become their owners' values.
@@ -133,8 +141,8 @@ impl Halo {
     }
 
     /// The halo of the next level.
-    pub fn coarse(&self, nodes: &IndexMap, graph: &BlockCsr<1>) -> Self {
-        Self::new(&self.comm, nodes, &Exchange::new(&self.comm, nodes), graph)
+    pub fn coarse(&self, nodes: &IndexMap, pattern: &Pattern) -> Self {
+        Self::new(&self.comm, nodes, &Exchange::new(&self.comm, nodes), pattern)
     }
 
     /// All ranks' rows, in rank order, on every rank.
@@ -142,16 +150,49 @@ impl Halo {
         if self.comm.size() == 1 {
             return rows;
         }
-        let lengths: Vec<u32> = rows.row_start.windows(2).map(|ends| ends[1] - ends[0]).collect();
+        let row_start = &rows.pattern.row_start;
+        let lengths: Vec<u32> = row_start.windows(2).map(|ends| ends[1] - ends[0]).collect();
         let mut row_start = vec![0];
         for length in self.comm.all_gather(&lengths).concat() {
             row_start.push(row_start[row_start.len() - 1] + length);
         }
+        let columns = self.comm.all_gather(&rows.pattern.columns).concat();
         BlockCsr {
-            row_start,
-            columns: self.comm.all_gather(&rows.columns).concat(),
+            pattern: Arc::new(Pattern::new(row_start, columns)),
             values: self.comm.all_gather(&rows.values).concat(),
         }
+    }
+}
+
+/// The node graph of a rank's elements: what all matrices over its nodes share.
+#[derive(Clone, Debug)]
+pub struct NodeGraph {
+    /// Their entries.
+    pub pattern: Arc<Pattern>,
+    places: Arc<ElementPlaces>,
+    /// How their rows meet the ranks.
+    pub halo: Halo,
+}
+
+impl NodeGraph {
+    /// Of these elements; rows are the owned indices of `nodes`.
+    pub fn new(
+        comm: &Communicator,
+        nodes: &IndexMap,
+        exchange: &Exchange,
+        tets: &[[u32; 4]],
+    ) -> Self {
+        let (pattern, places) = Pattern::of_elements(tets, nodes.n_owned);
+        let halo = Halo::new(comm, nodes, exchange, &pattern);
+        Self { pattern: Arc::new(pattern), places: Arc::new(places), halo }
+    }
+
+    /// Entries of row `tet[i]`, an owned node, for the four nodes of element `e`.
+    #[inline]
+    pub fn entries(&self, e: usize, tet: &[u32; 4], i: usize) -> [usize; 4] {
+        let start = self.pattern.row_start[tet[i] as usize] as usize;
+        let places = &self.places[e];
+        std::array::from_fn(|j| start + usize::from(places[4 * i + j]))
     }
 }
 

@@ -15,7 +15,9 @@ use super::block_csr::BlockCsr;
 use super::distributed::Halo;
 use super::multigrid::Multigrid;
 use super::operator::Preconditioner;
+use super::pattern::Pattern;
 use super::viscous::{ViscousCorrection, ViscousOperators};
+use std::sync::Arc;
 
 /// The preconditioner; unknowns of a node are (u, v, w, p).
 ///
@@ -25,7 +27,7 @@ use super::viscous::{ViscousCorrection, ViscousOperators};
 pub struct SchurPreconditioner {
     halo: Halo,
     multigrid: Multigrid,
-    pattern: [Vec<u32>; 2],
+    pattern: Arc<Pattern>,
     left: Triangle,
     right: Triangle,
     /// `[A_ij G_ij]` left of the diagonal.
@@ -96,12 +98,12 @@ impl SchurPreconditioner {
             correction.setup(operators);
             correction
         });
-        if self.pattern[0] != a.row_start || self.pattern[1] != a.columns {
-            self.pattern = [a.row_start.clone(), a.columns.clone()];
+        if !Arc::ptr_eq(&self.pattern, &a.pattern) {
+            self.pattern = a.pattern.clone();
             let side = |is_in: fn(usize, usize) -> bool| {
                 let mut side = Triangle { start: vec![0], columns: Vec::new() };
                 for i in 0..a.n_rows() {
-                    let row = a.columns[a.row(i)].iter().filter(|&&j| is_in(j as usize, i));
+                    let row = a.pattern.columns_of(i).iter().filter(|&&j| is_in(j as usize, i));
                     side.columns.extend(row);
                     side.start.push(side.columns.len() as u32);
                 }
@@ -271,8 +273,7 @@ fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 4]; 3] {
 pub fn residual_weights(a: &BlockCsr<4>, l: &BlockCsr<1>, weights: &mut Vec<f64>) {
     weights.clear();
     for i in 0..a.n_rows() {
-        let block = &a.values[a.diagonal(i)];
-        let l = l.values[l.diagonal(i)][0][0];
+        let (block, l) = (a.diagonal(i), l.diagonal(i)[0][0]);
         weights.extend([block[0][0], block[1][1], block[2][2], l].map(|d| 1.0 / d));
     }
 }

@@ -44,8 +44,7 @@ impl ViscousCorrection {
     pub fn setup(&mut self, operators: &ViscousOperators) {
         for (c, V) in operators.velocity.iter().enumerate() {
             self.velocity[c].setup(V);
-            let alone =
-                |i: usize| V.row(i).all(|e| V.columns[e] as usize == i || V.values[e][0][0] == 0.0);
+            let alone = |i: usize| V.entries(i).all(|(j, v)| j == i || v[0][0] == 0.0);
             self.given[c] = (0..V.n_rows()).map(alone).collect();
         }
         self.pressure = operators.pressure.iter().map(|p| *p as f32).collect();

@@ -91,11 +91,11 @@ fn add_element(
         let galerkin: f64 = (0..4).map(|j| convection[j] * phi[j]).sum();
         s.constant[n[i]] += dt * (galerkin + supg * along + diffusion * dot(t.grad[i], grad));
         let scale = phase.inverse_lumped[n[i]];
+        let at = s.graph.entries(e, &part.mesh.tets[e], i);
         for j in 0..4 {
             let mass = fluid.second(i, j) + c.tau * c.mean[i] * fluid.first(j);
             let space = convection[j] + supg * c.mean[j] + diffusion * dot(t.grad[i], t.grad[j]);
-            s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] +=
-                scale * (mass + 0.5 * dt * space);
+            s.matrix.values[at[j]][0][0] += scale * (mass + 0.5 * dt * space);
         }
     }
 }
@@ -191,10 +191,11 @@ pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>)
         let column: [f64; 4] = std::array::from_fn(|j| g[0][j] + g[1][j] + g[2][j] + g[3][j]);
         for i in (0..4).filter(|&i| n[i] < n_owned) {
             let scale = t.volume * phase.inverse_lumped[n[i]];
+            let at = s.graph.entries(e, tet, i);
             for j in 0..4 {
                 let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
                 let along = c.mean[j] * (p.slope * nodes[j].ds() - w) + along * p.curvature[j];
-                s.matrix.values[s.slots[e][4 * i + j] as usize][0][0] += scale
+                s.matrix.values[at[j]][0][0] += scale
                     * (g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along));
             }
         }

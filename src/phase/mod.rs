@@ -32,7 +32,7 @@ pub mod water;
 use crate::case::{self, FreeSurface, Regularisation, VolumeCorrection};
 use crate::cut::{Cell, CutMesh, Extension};
 use crate::fem::dot;
-use crate::linear::Diverged;
+use crate::linear::{Diverged, NodeGraph};
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
 use profile::{OUTER, Profile, logit};
@@ -108,6 +108,7 @@ impl Phase {
     pub fn new(
         part: &MeshPart,
         cut: &CutMesh,
+        graph: &NodeGraph,
         settings: &FreeSurface,
         solver: &case::Solver,
         cell: f64,
@@ -138,7 +139,7 @@ impl Phase {
             margin: margin::Margin::default(),
             ratio: vec![0.0; n],
             stiffness: vec![0.0; part.mesh.tets.len()],
-            solver: transport::Solver::new(part),
+            solver: transport::Solver::new(part, graph),
             profile: Profile::default(),
             before: phi.clone(),
             normal: vec![[0.0; 3]; n],

@@ -3,7 +3,7 @@
 use super::*;
 use crate::fem::norm;
 use crate::linear::{
-    BlockCsr, DistributedOperator, Halo, KrylovSettings, OwnedProduct, Workspace, cg,
+    BlockCsr, DistributedOperator, KrylovSettings, NodeGraph, OwnedProduct, Workspace, cg,
     relaxation::Jacobi,
 };
 use crate::mesh::boxes::tensor_box;
@@ -57,11 +57,24 @@ pub(super) fn of_distance(
     let distance: Vec<f64> = part.mesh.nodes.iter().map(|x| distance(*x)).collect();
     let h = initial::cell_size(part, &distance);
     let phi = initial::profile(&distance, delta(settings, h));
-    Phase::new(part, &CutMesh::whole(), settings, &solver(tolerance), h, phi, Vec::new())
+    Phase::new(
+        part,
+        &CutMesh::whole(),
+        &graph(part),
+        settings,
+        &solver(tolerance),
+        h,
+        phi,
+        Vec::new(),
+    )
 }
 
 fn sphere(x: [f64; 3]) -> f64 {
     0.25 - norm([x[0] - 0.4, x[1] - 0.5, x[2] - 0.55])
+}
+
+pub(super) fn graph(part: &MeshPart) -> NodeGraph {
+    NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets)
 }
 
 /// A velocity of no particular divergence with u·n = 0 on the cube's walls, and the constant u' per element
@@ -74,7 +87,8 @@ fn flow(part: &MeshPart) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
             [s(x) * (1.0 + y), s(y) * (PI * z).cos(), -0.5 * s(z) * (1.0 + x * y)]
         })
         .collect();
-    let (mut laplacian, slots) = BlockCsr::<1>::of_elements(&mesh.tets, part.n_owned());
+    let graph = graph(part);
+    let mut laplacian = BlockCsr::<1>::zero(&graph.pattern);
     let mut b = vec![0.0; part.n_local()];
     for (e, tet) in mesh.tets.iter().enumerate() {
         let t = Tetrahedron::of(mesh, e);
@@ -82,19 +96,18 @@ fn flow(part: &MeshPart) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
             std::array::from_fn(|c| tet.iter().map(|&n| 0.25 * u[n as usize][c]).sum());
         for i in 0..4 {
             b[tet[i] as usize] += t.volume * dot(mean, t.grad[i]);
+            let at = graph.entries(e, tet, i);
             for j in 0..4 {
-                laplacian.values[slots[e][4 * i + j] as usize][0][0] +=
-                    t.volume * dot(t.grad[i], t.grad[j]);
+                laplacian.values[at[j]][0][0] += t.volume * dot(t.grad[i], t.grad[j]);
             }
         }
     }
-    let halo = Halo::new(&part.comm, &part.nodes, &part.exchange, &laplacian);
     let (mut p, mut jacobi) = (vec![0.0; part.n_local()], Jacobi::default());
     jacobi.setup(&laplacian);
     cg(
-        &DistributedOperator::new(&laplacian, &halo),
+        &DistributedOperator::new(&laplacian, &graph.halo),
         &mut jacobi,
-        &OwnedProduct::plain::<1>(&halo),
+        &OwnedProduct::plain::<1>(&graph.halo),
         &b,
         &mut p,
         &KrylovSettings { relative: 1e-14, absolute: 1e-17, max_iterations: 500, restart: 30 },
@@ -150,8 +163,16 @@ fn constants_are_kept_whatever_the_velocity() {
         (0..part.mesh.tets.len()).map(|e| [0.1, e as f64 * 1e-3, 0.0]).collect();
     for value in [1.0, 0.3] {
         let phi = vec![value; part.n_local()];
-        let mut phase =
-            Phase::new(&part, &CutMesh::whole(), &SETTINGS, &solver(1e-6), 0.2, phi, Vec::new());
+        let mut phase = Phase::new(
+            &part,
+            &CutMesh::whole(),
+            &graph(&part),
+            &SETTINGS,
+            &solver(1e-6),
+            0.2,
+            phi,
+            Vec::new(),
+        );
         for _ in 0..3 {
             phase.advance(&part, &CutMesh::whole(), 0.1, &u, &fine, &[]).unwrap();
         }
@@ -187,8 +208,16 @@ fn noise_is_carried_without_blowing_up_or_losing_water() {
     let (u, fine) = flow(&part);
     let mut random = random();
     let phi: Vec<f64> = part.mesh.nodes.iter().map(|_| 0.5 + 0.5 * random()).collect();
-    let mut phase =
-        Phase::new(&part, &CutMesh::whole(), &SETTINGS, &solver(1e-3), 0.125, phi, Vec::new());
+    let mut phase = Phase::new(
+        &part,
+        &CutMesh::whole(),
+        &graph(&part),
+        &SETTINGS,
+        &solver(1e-3),
+        0.125,
+        phi,
+        Vec::new(),
+    );
     let before = owed(&phase);
     for _ in 0..30 {
         phase.advance(&part, &CutMesh::whole(), 0.1, &u, &fine, &[]).unwrap();
@@ -212,7 +241,16 @@ fn what_comes_in_is_what_is_booked() {
         .collect();
     let phi: Vec<f64> = part.mesh.nodes.iter().map(|x| at(x[0], 0.0)).collect();
     let settings = FreeSurface { volume_correction: VolumeCorrection::Global, ..SETTINGS };
-    let mut phase = Phase::new(&part, &CutMesh::whole(), &settings, &solver(1e-8), 0.1, phi, open);
+    let mut phase = Phase::new(
+        &part,
+        &CutMesh::whole(),
+        &graph(&part),
+        &settings,
+        &solver(1e-8),
+        0.1,
+        phi,
+        open,
+    );
     let mut booked = 0.0;
     for step in 1..=10 {
         let t = f64::from(step) * dt;

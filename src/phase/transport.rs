@@ -31,10 +31,9 @@ use super::plain;
 use super::profile::{OUTER, profile_weight};
 use super::{Form, Phase};
 use crate::cut::{Cell, CutMesh};
-use crate::linear::block_csr::ElementSlots;
 use crate::linear::relaxation::SymmetricGaussSeidel;
 use crate::linear::{
-    BlockCsr, DistributedOperator, Diverged, Halo, InnerProduct, KrylovSettings, Operator,
+    BlockCsr, DistributedOperator, Diverged, InnerProduct, KrylovSettings, NodeGraph, Operator,
     OwnedProduct, Workspace, fgmres,
 };
 use crate::mesh::MeshPart;
@@ -82,12 +81,11 @@ pub(super) struct Given<'a> {
 pub(super) struct Solver {
     /// With the profile's tangent.
     pub matrix: BlockCsr<1>,
-    pub slots: ElementSlots,
+    pub graph: NodeGraph,
     /// Values of the matrix for φ* = φ_h.
     chord: Vec<[[f64; 1]; 1]>,
     /// w of each element in this step.
     pub weight: Vec<f32>,
-    halo: Halo,
     smoother: SymmetricGaussSeidel,
     krylov: Workspace,
     /// The residual's part that does not depend on the new level [m³].
@@ -102,15 +100,13 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    pub fn new(part: &MeshPart) -> Self {
-        let (matrix, slots) = BlockCsr::of_elements(&part.mesh.tets, part.n_owned());
+    pub fn new(part: &MeshPart, graph: &NodeGraph) -> Self {
         let zeros = vec![0.0; part.n_local()];
         Self {
-            slots,
+            matrix: BlockCsr::zero(&graph.pattern),
+            graph: graph.clone(),
             chord: Vec::new(),
             weight: vec![0.0; part.mesh.tets.len()],
-            halo: Halo::new(&part.comm, &part.nodes, &part.exchange, &matrix),
-            matrix,
             smoother: SymmetricGaussSeidel::default(),
             krylov: Workspace::default(),
             constant: zeros.clone(),
@@ -170,7 +166,7 @@ pub(super) fn step(
     loop {
         residual(phase, part, cut, given);
         let s = &mut phase.solver;
-        let product = OwnedProduct::plain::<1>(&s.halo);
+        let product = OwnedProduct::plain::<1>(&s.graph.halo);
         let size = product.dot(&s.residual, &s.residual).sqrt();
         if report.passes > 0 && nonlinear && !last && size > GROWTH * report.residual {
             // Here φ* does not behave as its tangent says: back, and on with that of φ_h.
@@ -189,7 +185,7 @@ pub(super) fn step(
         }
         set_matrix(phase, part, cut, given, newton);
         let s = &mut phase.solver;
-        let product = OwnedProduct::plain::<1>(&s.halo);
+        let product = OwnedProduct::plain::<1>(&s.graph.halo);
         let settings = KrylovSettings {
             relative,
             absolute: target,
@@ -202,7 +198,7 @@ pub(super) fn step(
         s.change.fill(0.0);
         s.last.copy_from_slice(&phase.phi);
         let solved = fgmres(
-            &DistributedOperator::new(&s.matrix, &s.halo),
+            &DistributedOperator::new(&s.matrix, &s.graph.halo),
             &mut s.smoother,
             &product,
             &s.residual,
@@ -260,7 +256,7 @@ fn residual(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>
         *d = new - old;
     }
     std::mem::swap(&mut s.chord, &mut s.matrix.values);
-    DistributedOperator::new(&s.matrix, &s.halo).apply(&mut s.difference, &mut s.product);
+    DistributedOperator::new(&s.matrix, &s.graph.halo).apply(&mut s.difference, &mut s.product);
     std::mem::swap(&mut s.chord, &mut s.matrix.values);
     for i in 0..n_owned {
         r[i] = r[i] * phase.inverse_lumped[i] + s.product[i];
@@ -303,7 +299,7 @@ fn set_matrix(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'
         for at in matrix.row(i) {
             matrix.values[at] = [[0.0]];
         }
-        let at = matrix.diagonal(i);
+        let at = matrix.pattern.diagonals()[i] as usize;
         matrix.values[at] = [[1.0]];
     }
     smoother.setup(matrix);

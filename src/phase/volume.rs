@@ -164,7 +164,7 @@ impl Phase {
     /// New bodies inherit the targets of the old ones their nodes belonged to; `nodal_volume` and
     /// `inflow` are those of the present φ and the last step.
     fn follow_bodies(&mut self, part: &MeshPart, cut: &CutMesh) {
-        let names = bodies_of_water(part, cut, &self.solver.matrix, &self.phi);
+        let names = bodies_of_water(part, cut, &self.solver.matrix.pattern, &self.phi);
         // (old, new) → present volume, its positive part (shares must be), inflow.
         let mut shared = BTreeMap::<(u64, u64), [f64; 3]>::new();
         for i in 0..part.n_owned() {
@@ -235,7 +235,7 @@ impl Phase {
         let bodies: Vec<u64> = target.keys().copied().collect();
         let index = |name| bodies.binary_search(&name).expect("every named body has an account");
         let mut parent: Vec<u32> = (0..bodies.len() as u32).collect();
-        for (a, b) in contacts(part, cut, &self.solver.matrix, names) {
+        for (a, b) in contacts(part, cut, &self.solver.matrix.pattern, names) {
             let (a, b) = (root(&mut parent, index(a) as u32), root(&mut parent, index(b) as u32));
             parent[a.max(b) as usize] = a.min(b);
         }
@@ -333,7 +333,7 @@ impl Phase {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{SETTINGS, solver};
+    use super::super::tests::{SETTINGS, graph, solver};
     use super::*;
     use crate::case::FreeSurface;
     use crate::fem::norm;
@@ -364,6 +364,7 @@ mod tests {
         let phase = Phase::new(
             &part,
             &CutMesh::whole(),
+            &graph(&part),
             &settings,
             &solver(1e-6),
             1.0 / 12.0,

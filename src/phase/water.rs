@@ -6,25 +6,20 @@
 
 use super::profile::OUTER;
 use crate::cut::CutMesh;
-use crate::linear::BlockCsr;
+use crate::linear::Pattern;
 use crate::mesh::MeshPart;
 pub use crate::mesh::connected::NONE;
 use crate::mesh::connected::connected;
 use std::collections::BTreeSet;
 
 /// The body of each local node. Collective.
-pub fn bodies_of_water(
-    part: &MeshPart,
-    cut: &CutMesh,
-    graph: &BlockCsr<1>,
-    phi: &[f64],
-) -> Vec<u64> {
+pub fn bodies_of_water(part: &MeshPart, cut: &CutMesh, graph: &Pattern, phi: &[f64]) -> Vec<u64> {
     let mut names = connected(part, |i| phi[i] > 0.5 && cut.is_in_fluid(i));
     add_band(part, cut, graph, phi, &mut names);
     names
 }
 
-fn add_band(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64], names: &mut [u64]) {
+fn add_band(part: &MeshPart, cut: &CutMesh, graph: &Pattern, phi: &[f64], names: &mut [u64]) {
     // Nodes inside a structure are like the band: they go with the fluid next to them.
     let mut dry: Vec<u32> = (0..part.n_owned() as u32)
         .filter(|&i| {
@@ -39,7 +34,7 @@ fn add_band(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64], na
         joined.clear();
         dry.retain(|&i| {
             let mut best: Option<(f64, u64)> = None;
-            for &j in &graph.columns[graph.row(i as usize)] {
+            for &j in graph.columns_of(i as usize) {
                 let name = names[j as usize];
                 let candidate = (phi[j as usize], name);
                 let better = best
@@ -68,12 +63,7 @@ fn add_band(part: &MeshPart, cut: &CutMesh, graph: &BlockCsr<1>, phi: &[f64], na
 
 /// Pairs of bodies (smaller name first, ascending) whose bands touch; the same on every rank.
 /// Collective.
-pub fn contacts(
-    part: &MeshPart,
-    cut: &CutMesh,
-    graph: &BlockCsr<1>,
-    names: &[u64],
-) -> Vec<(u64, u64)> {
+pub fn contacts(part: &MeshPart, cut: &CutMesh, graph: &Pattern, names: &[u64]) -> Vec<(u64, u64)> {
     let mut pairs = BTreeSet::new();
     for i in 0..part.n_owned() {
         let a = names[i];
@@ -81,7 +71,7 @@ pub fn contacts(
             continue;
         }
         let mut last = a;
-        for &j in &graph.columns[graph.row(i)] {
+        for &j in graph.columns_of(i) {
             let b = names[j as usize];
             if b != last
                 && b != a
@@ -107,7 +97,7 @@ mod tests {
     fn two_drops_and_spray_are_told_apart_and_the_band_goes_to_the_nearer() {
         let x: Vec<f64> = (0..=40).map(|i| i as f64).collect();
         let part = MeshPart::single(tensor_box([&x, &[0.0, 1.0, 2.0], &[0.0, 1.0]]));
-        let (graph, _) = BlockCsr::<1>::of_elements(&part.mesh.tets, part.n_owned());
+        let (graph, _) = Pattern::of_elements(&part.mesh.tets, part.n_owned());
         let phi: Vec<f64> = part
             .mesh
             .nodes

@@ -4,7 +4,7 @@
 #![allow(non_snake_case)]
 
 use fcm_fsi::fem::tetrahedron::Tetrahedron;
-use fcm_fsi::linear::BlockCsr;
+use fcm_fsi::linear::{BlockCsr, NodeGraph};
 use fcm_fsi::mesh::{Mesh, MeshPart, boxes::tensor_box};
 
 /// A box of nx × ny × nz cells of size h, nodes moved by up to `jitter` h inside.
@@ -29,6 +29,10 @@ pub fn noise(i: u64) -> f64 {
     ((x ^ (x >> 32)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
+pub fn graph(part: &MeshPart) -> NodeGraph {
+    NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets)
+}
+
 /// ∫ mass q p + k ∇q·∇p + q a·∇p; rows and columns of `fixed` nodes are the identity.
 pub fn scalar(
     part: &MeshPart,
@@ -38,25 +42,23 @@ pub fn scalar(
     fixed: impl Fn([f64; 3]) -> bool,
 ) -> BlockCsr<1> {
     let mesh = &part.mesh;
-    let (mut matrix, slots) = BlockCsr::<1>::of_elements(&mesh.tets, part.n_owned());
+    let graph = graph(part);
+    let mut matrix = BlockCsr::<1>::zero(&graph.pattern);
     for (e, tet) in mesh.tets.iter().enumerate() {
         let t = Tetrahedron::of(mesh, e);
         let k = k(centre(mesh, tet));
-        for i in 0..4 {
+        for i in (0..4).filter(|&i| (tet[i] as usize) < part.n_owned()) {
+            let at = graph.entries(e, tet, i);
             for j in 0..4 {
-                let slot = slots[e][4 * i + j];
-                if slot == u32::MAX {
-                    continue;
-                }
                 let m = if i == j { 0.1 } else { 0.05 };
-                matrix.values[slot as usize][0][0] += t.volume
+                matrix.values[at[j]][0][0] += t.volume
                     * (mass * m + k * dot(t.grad[i], t.grad[j]) + 0.25 * dot(a, t.grad[j]));
             }
         }
     }
     for i in 0..part.n_owned() {
         for e in matrix.row(i) {
-            let j = matrix.columns[e] as usize;
+            let j = matrix.pattern.columns[e] as usize;
             if fixed(mesh.nodes[i]) || fixed(mesh.nodes[j]) {
                 matrix.values[e][0][0] = f64::from(u8::from(i == j));
             }
@@ -133,8 +135,9 @@ impl Oseen {
     /// The 4×4 system and the pressure operator L = ∫((Δt_eff + τ)/ρ)∇q·∇p.
     pub fn assemble(&self, part: &MeshPart) -> (BlockCsr<4>, BlockCsr<1>) {
         let mesh = &part.mesh;
-        let (mut A, slots) = BlockCsr::<4>::of_elements(&mesh.tets, part.n_owned());
-        let (mut L, _) = BlockCsr::<1>::of_elements(&mesh.tets, part.n_owned());
+        let graph = graph(part);
+        let mut A = BlockCsr::<4>::zero(&graph.pattern);
+        let mut L = BlockCsr::<1>::zero(&graph.pattern);
         let theta = 0.5;
         for (e, tet) in mesh.tets.iter().enumerate() {
             let t = Tetrahedron::of(mesh, e);
@@ -148,12 +151,9 @@ impl Oseen {
             .powf(-0.5);
             let tau_c = 0.5 * h * speed;
             let dt_eff = 1.0 / (1.0 / self.dt + 2.0 * theta * speed / h);
-            for i in 0..4 {
+            for i in (0..4).filter(|&i| (tet[i] as usize) < part.n_owned()) {
+                let at = graph.entries(e, tet, i);
                 for j in 0..4 {
-                    let slot = slots[e][4 * i + j];
-                    if slot == u32::MAX {
-                        continue;
-                    }
                     let (gi, gj) = (t.grad[i], t.grad[j]);
                     let (ai, aj) = (dot(a, gi), dot(a, gj));
                     let m = if i == j { 0.1 } else { 0.05 };
@@ -165,7 +165,7 @@ impl Oseen {
                             + theta * 0.25 * aj
                             + theta * self.nu * dot(gi, gj)
                             + tau * ai * inertia);
-                    let block = &mut A.values[slot as usize];
+                    let block = &mut A.values[at[j]];
                     for r in 0..3 {
                         block[r][r] += diagonal;
                         for c in 0..3 {
@@ -176,7 +176,7 @@ impl Oseen {
                         block[3][r] += V * (0.25 * gj[r] + tau * gi[r] * inertia);
                     }
                     block[3][3] += V * tau / rho * dot(gi, gj);
-                    L.values[slot as usize][0][0] += V * (dt_eff + tau) / rho * dot(gi, gj);
+                    L.values[at[j]][0][0] += V * (dt_eff + tau) / rho * dot(gi, gj);
                 }
             }
         }
@@ -201,7 +201,7 @@ impl Oseen {
         for i in 0..part.n_owned() {
             let fixed_i = self.fixed(part, i);
             for e in A.row(i) {
-                let j = A.columns[e] as usize;
+                let j = A.pattern.columns[e] as usize;
                 let fixed_j = self.fixed(part, j);
                 for r in 0..4 {
                     for c in 0..4 {

@@ -2,6 +2,7 @@
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
 use fcm_fsi::cut::CutMesh;
+use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::{Mesh, MeshPart};
 use fcm_fsi::phase::{Phase, VolumeReport, delta, initial};
@@ -33,7 +34,9 @@ fn run(part: &MeshPart, settings: &FreeSurface) -> (Phase, Vec<VolumeReport>) {
     let h = initial::cell_size(part, &from);
     let phi = initial::profile(&from, delta(settings, h));
     let solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-13, max_iterations: 200 };
-    let mut phase = Phase::new(part, &CutMesh::whole(), settings, &solver, h, phi, Vec::new());
+    let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+    let mut phase =
+        Phase::new(part, &CutMesh::whole(), &graph, settings, &solver, h, phi, Vec::new());
     let u: Vec<[f64; 3]> = part.mesh.nodes.iter().map(|x| velocity(*x)).collect();
     let fine = vec![[0.0; 3]; part.mesh.tets.len()];
     let mut reports = Vec::new();

@@ -69,6 +69,7 @@ impl Flow {
         self.matrix.clear();
         self.pressure.clear();
         self.rhs.fill([0.0; 4]);
+        let n_owned = part.n_owned();
         for e in 0..part.n_assembled_elements {
             let cell = cut.cell(e);
             if matches!(cell, Cell::Solid) {
@@ -86,23 +87,21 @@ impl Flow {
             };
             let tet = &part.mesh.tets[e];
             for i in 0..4 {
-                if self.slots[e][4 * i] == u32::MAX {
+                if tet[i] as usize >= n_owned {
                     continue;
                 }
                 let rhs = &mut self.rhs[tet[i] as usize];
                 for k in 0..4 {
                     rhs[k] += system.rhs[i][k];
                 }
-                for j in 0..4 {
-                    let slot = self.slots[e][4 * i + j] as usize;
-                    let block = &mut self.matrix.values[slot];
-                    let add = &system.matrix[4 * i + j];
-                    for r in 0..4 {
-                        for c in 0..4 {
-                            block[r][c] += add[r][c];
-                        }
+                for (j, at) in self.graph.entries(e, tet, i).into_iter().enumerate() {
+                    let block = self.matrix.values[at].as_flattened_mut();
+                    for (block, add) in
+                        block.iter_mut().zip(system.matrix[4 * i + j].as_flattened())
+                    {
+                        *block += add;
                     }
-                    self.pressure.values[slot][0][0] += system.pressure[4 * i + j];
+                    self.pressure.values[at][0][0] += system.pressure[4 * i + j];
                 }
             }
         }
@@ -160,7 +159,7 @@ impl Flow {
                     self.rhs[n[i]][k] += rhs[i][k];
                 }
                 for j in 0..3 {
-                    let slot = self.matrix.slot(nodes[i], nodes[j]) as usize;
+                    let slot = self.matrix.pattern.entry(nodes[i], nodes[j]) as usize;
                     for k in 0..3 {
                         self.matrix.values[slot][k][k] += c * mass[i][j];
                     }
@@ -189,7 +188,7 @@ impl Flow {
                     if i.min(j) == 3 && i != j {
                         self.across.push(Entry { row, column, value });
                     } else {
-                        let slot = self.matrix.slot(row, column) as usize;
+                        let slot = self.matrix.pattern.entry(row, column) as usize;
                         for k in 0..3 {
                             self.matrix.values[slot][k][k] += value;
                         }
@@ -211,7 +210,7 @@ impl Flow {
     pub(super) fn fix_dry_nodes(&mut self, cut: &CutMesh) {
         let n_owned = self.matrix.n_rows();
         for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
-            let at = self.matrix.diagonal(i);
+            let at = self.matrix.pattern.diagonals()[i] as usize;
             for k in 0..4 {
                 self.matrix.values[at][k] = [0.0; 4];
                 self.matrix.values[at][k][k] = 1.0;
@@ -280,7 +279,7 @@ impl Flow {
             if c.is_free() {
                 continue;
             }
-            let diagonal = &self.matrix.values[self.matrix.slot(i as u32, i as u32) as usize];
+            let diagonal = self.matrix.diagonal(i);
             let x = self.x[i];
             let free_x = c.project([x[0], x[1], x[2]]);
             let b = &mut self.rhs[i];

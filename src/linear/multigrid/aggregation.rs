@@ -13,14 +13,13 @@ const SIZE: usize = 9;
 /// Aggregates smaller than this are dissolved into their neighbours.
 const SMALL: usize = 4;
 
-/// The aggregate of each row, or `NONE`, and the number of aggregates; `diagonal[i]` is the position
-/// of entry (i, i).
-pub fn aggregate(a: &BlockCsr<1>, diagonal: &[u32], theta: f64) -> (Vec<u32>, usize) {
+/// The aggregate of each row, or `NONE`, and the number of aggregates.
+pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
     let n = a.n_rows();
     // 1/√a_ii
-    let scale: Vec<f64> = (diagonal.iter())
-        .map(|&at| {
-            let d = a.values[at as usize][0][0];
+    let scale: Vec<f64> = (0..n)
+        .map(|i| {
+            let d = a.diagonal(i)[0][0];
             if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
         })
         .collect();
@@ -41,12 +40,11 @@ pub fn aggregate(a: &BlockCsr<1>, diagonal: &[u32], theta: f64) -> (Vec<u32>, us
             if members == SIZE {
                 break;
             }
-            for e in a.row(i) {
-                let j = a.columns[e] as usize;
+            for (j, v) in a.entries(i) {
                 if j >= n || group[j] != NONE {
                     continue;
                 }
-                let tie = -a.values[e][0][0] * scale[i] * scale[j];
+                let tie = -v[0][0] * scale[i] * scale[j];
                 if tie > theta {
                     match candidates.iter_mut().find(|c| c.0 == j as u32) {
                         Some(c) => c.1 += tie,
@@ -76,10 +74,9 @@ fn join_small(a: &BlockCsr<1>, group: &mut [u32], size: &mut [u32]) {
             continue;
         }
         let mut best = (0.0, NONE);
-        for e in a.row(i) {
-            let j = a.columns[e] as usize;
+        for (j, v) in a.entries(i) {
             if j < n && group[j] != group[i] && size[group[j] as usize] >= SMALL as u32 {
-                let tie = a.values[e][0][0].abs();
+                let tie = v[0][0].abs();
                 if tie > best.0 {
                     best = (tie, group[j]);
                 }
@@ -99,8 +96,7 @@ fn number(a: &BlockCsr<1>, group: &mut [u32], size: &[u32]) -> (Vec<u32>, usize)
     let numbered = (0..group.len())
         .map(|i| {
             let g = group[i] as usize;
-            let tied = size[g] > 1
-                || a.row(i).any(|e| a.columns[e] as usize != i && a.values[e][0][0] != 0.0);
+            let tied = size[g] > 1 || a.entries(i).any(|(j, v)| j != i && v[0][0] != 0.0);
             if !tied {
                 return NONE;
             }

@@ -18,8 +18,8 @@ impl Direct {
         let n = a.n_rows();
         let mut dense = Mat::<f64>::zeros(n, n);
         for i in 0..n {
-            for e in a.row(i) {
-                dense[(i, a.columns[e] as usize)] = a.values[e][0][0];
+            for (j, v) in a.entries(i) {
+                dense[(i, j)] = v[0][0];
             }
             // Against rounding, where the pressure is held by a single node.
             dense[(i, i)] *= 1.0 + 1e-12;

@@ -2,6 +2,8 @@
 
 use crate::linear::block_csr::BlockCsr;
 use crate::linear::distributed::NONE;
+use crate::linear::pattern::Pattern;
+use std::sync::Arc;
 
 /// Rows of this rank's `n_rows` aggregates. Row I is column `first + I`; columns are the values of
 /// `coarse_of`, below `n_columns`.
@@ -32,19 +34,16 @@ pub fn coarse_matrix(
         }
     }
 
-    let mut coarse = BlockCsr {
-        row_start: Vec::with_capacity(n_rows + 1),
-        columns: Vec::with_capacity(n_rows * 16),
-        values: Vec::with_capacity(n_rows * 16),
-    };
-    coarse.row_start.push(0);
+    let mut row_start = Vec::with_capacity(n_rows + 1);
+    let mut columns = Vec::with_capacity(n_rows * 16);
+    let mut values = Vec::with_capacity(n_rows * 16);
+    row_start.push(0);
     let mut row: Vec<(u32, f64)> = Vec::with_capacity(256);
     let mut place = vec![NONE; n_columns];
     for I in 0..n_rows {
         for &i in &members[start[I] as usize..start[I + 1] as usize] {
-            let entries = a.row(i as usize);
-            for (v, &j) in a.values[entries.clone()].iter().zip(&a.columns[entries]) {
-                let J = coarse_of[j as usize];
+            for (j, v) in a.entries(i as usize) {
+                let J = coarse_of[j];
                 if J == NONE {
                     continue;
                 }
@@ -61,10 +60,10 @@ pub fn coarse_matrix(
             place[J as usize] = NONE;
         }
         row.sort_unstable_by_key(|entry| entry.0);
-        coarse.columns.extend(row.iter().map(|entry| entry.0));
-        coarse.values.extend(row.iter().map(|entry| [[entry.1]]));
-        coarse.row_start.push(coarse.columns.len() as u32);
+        columns.extend(row.iter().map(|entry| entry.0));
+        values.extend(row.iter().map(|entry| [[entry.1]]));
+        row_start.push(columns.len() as u32);
         row.clear();
     }
-    coarse
+    BlockCsr { pattern: Arc::new(Pattern::new(row_start, columns)), values }
 }

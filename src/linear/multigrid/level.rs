@@ -2,16 +2,15 @@
 
 use crate::linear::block_csr::BlockCsr;
 use crate::linear::distributed::{Halo, NONE};
+use crate::linear::pattern::Pattern;
+use std::sync::Arc;
 
 /// A level that is smoothed.
 #[derive(Clone, Debug)]
 pub struct Level {
     /// Its halo; of one rank if the level was gathered.
     pub halo: Halo,
-    row_start: Vec<u32>,
-    /// Positions of the diagonal entries: columns before are below the row's own index.
-    pub diagonal: Vec<u32>,
-    columns: Vec<u32>,
+    pattern: Arc<Pattern>,
     values: Vec<f32>,
     inverse: Vec<f32>,
     /// Index in the next level's vectors of each local node, or `NONE`.
@@ -34,9 +33,7 @@ impl Level {
     /// A level without matrix.
     pub fn new(halo: Halo) -> Self {
         Self {
-            row_start: Vec::new(),
-            diagonal: Vec::new(),
-            columns: Vec::new(),
+            pattern: Arc::default(),
             values: Vec::new(),
             inverse: Vec::new(),
             coarse_of: Vec::new(),
@@ -52,16 +49,12 @@ impl Level {
 
     /// Copies the matrix.
     pub fn set_matrix(&mut self, a: &BlockCsr<1>) {
-        if self.row_start != a.row_start || self.columns != a.columns {
-            self.row_start.clone_from(&a.row_start);
-            self.columns.clone_from(&a.columns);
-            self.diagonal = (0..a.n_rows()).map(|i| a.diagonal(i) as u32).collect();
-        }
+        self.pattern = a.pattern.clone();
         self.values.clear();
         self.values.extend(a.values.iter().map(|v| v[0][0] as f32));
         self.inverse.clear();
-        self.inverse.extend(self.diagonal.iter().map(|&d| {
-            let d = a.values[d as usize][0][0];
+        self.inverse.extend((0..a.n_rows()).map(|i| {
+            let d = a.diagonal(i)[0][0];
             if d > 0.0 { (1.0 / d) as f32 } else { 0.0 }
         }));
     }
@@ -78,7 +71,7 @@ impl Level {
     #[inline]
     fn sum(&self, entries: std::ops::Range<usize>, x: &[f32]) -> f32 {
         let mut sum = 0.0;
-        for (a, &j) in self.values[entries.clone()].iter().zip(&self.columns[entries]) {
+        for (a, &j) in self.values[entries.clone()].iter().zip(&self.pattern.columns[entries]) {
             sum += a * x[j as usize];
         }
         sum
@@ -87,9 +80,8 @@ impl Level {
     /// x = (D + L)⁻¹ b: one forward sweep from zero, ghosts taken as zero.
     pub fn forward_from_zero(&mut self) {
         let mut x = std::mem::take(&mut self.x);
-        for i in 0..self.diagonal.len() {
-            let lower = self.row_start[i] as usize..self.diagonal[i] as usize;
-            x[i] = (self.b[i] - self.sum(lower, &x)) * self.inverse[i];
+        for i in 0..self.pattern.n_rows() {
+            x[i] = (self.b[i] - self.sum(self.pattern.left(i), &x)) * self.inverse[i];
         }
         self.x = x;
     }
@@ -98,11 +90,11 @@ impl Level {
     /// −Σ a_ij x_j over later and ghost columns. Ghosts of x are valid.
     pub fn restrict(&mut self) {
         self.restricted.fill(0.0);
-        for i in 0..self.diagonal.len() {
+        for i in 0..self.pattern.n_rows() {
             let coarse = self.coarse_of[i];
             if coarse != NONE {
-                let upper = self.diagonal[i] as usize + 1..self.row_start[i + 1] as usize;
-                self.restricted[coarse as usize] -= f64::from(self.sum(upper, &self.x));
+                let left_over = self.sum(self.pattern.right(i), &self.x);
+                self.restricted[coarse as usize] -= f64::from(left_over);
             }
         }
         if self.gathered {
@@ -122,9 +114,8 @@ impl Level {
     /// One backward sweep.
     pub fn backward(&mut self) {
         let mut x = std::mem::take(&mut self.x);
-        for i in (0..self.diagonal.len()).rev() {
-            let row = self.row_start[i] as usize..self.row_start[i + 1] as usize;
-            x[i] += (self.b[i] - self.sum(row, &x)) * self.inverse[i];
+        for i in (0..self.pattern.n_rows()).rev() {
+            x[i] += (self.b[i] - self.sum(self.pattern.row(i), &x)) * self.inverse[i];
         }
         self.x = x;
     }
@@ -133,8 +124,8 @@ impl Level {
     pub fn multiply(&mut self, k: usize) {
         self.halo.update_ghosts(&mut self.x);
         let mut v = std::mem::take(&mut self.v[k]);
-        for i in 0..self.diagonal.len() {
-            v[i] = self.sum(self.row_start[i] as usize..self.row_start[i + 1] as usize, &self.x);
+        for i in 0..self.pattern.n_rows() {
+            v[i] = self.sum(self.pattern.row(i), &self.x);
         }
         self.v[k] = v;
     }

@@ -74,7 +74,7 @@ impl Multigrid {
         loop {
             let fine = self.levels.last_mut().expect("at least the finest level");
             let matrix = coarse.as_ref().unwrap_or(L);
-            let (aggregates, count) = aggregation::aggregate(matrix, &fine.diagonal, theta);
+            let (aggregates, count) = aggregation::aggregate(matrix, theta);
             let n_coarse = fine.halo.sum_u64(count as u64);
             if n_coarse == 0 || 10 * n_coarse > 9 * n {
                 fine.coarse_of.clear();
@@ -91,7 +91,7 @@ impl Multigrid {
                 let (nodes, coarse_of) = fine.halo.coarse_nodes(&aggregates, count);
                 let rows = galerkin::coarse_matrix(matrix, &coarse_of, count, 0, nodes.len());
                 fine.coarse_of = coarse_of;
-                let halo = fine.halo.coarse(&nodes, &rows);
+                let halo = fine.halo.coarse(&nodes, &rows.pattern);
                 (rows, halo)
             };
             fine.restricted.resize(halo.n_local(), 0.0);
