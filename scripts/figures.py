@@ -2,6 +2,7 @@
 
 water-K.png   the water at the K-th of the times, seen into the tank
 water.png     all of them on one sheet
+bodies-K.png, bodies.png   the same of a run without water
 slices.png    phase and speed in the plane through the middle
 gauges.png    every column of gauges.csv
 history.png   every column of history.csv
@@ -32,6 +33,7 @@ from vtkmodules.vtkFiltersCore import (
     vtkTubeFilter,
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+from vtkmodules.vtkFiltersSources import vtkPlaneSource
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkRenderingCore import (
     vtkActor,
@@ -74,10 +76,11 @@ class Fields:
 
 
 class Tank:
-    """The mesh's boundary: the same at all times."""
+    """What the pictures show: the mesh's boundary, the same at all times, or all places of the bodies."""
 
-    def __init__(self, grid):
-        self.bounds = np.array(grid.GetBounds()).reshape(3, 2)
+    def __init__(self, grids):
+        bounds = np.array([grid.GetBounds() for grid in grids]).reshape(-1, 3, 2)
+        self.bounds = np.stack([bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)], axis=1)
         self.size = self.bounds[:, 1] - self.bounds[:, 0]
         thin = int(np.argmin(self.size))
         # A slab is a two-dimensional flow: looked at straight from its side.
@@ -237,8 +240,19 @@ def look_at(tank, view, camera):
     return ratio
 
 
-def draw_water(fields, bodies, tank, steps, view, width, folder):
-    """One picture a step; returns their files and times."""
+def floor_actors(tank):
+    """A floor under bodies that are alone."""
+    (x, y, z), (right, back, _) = tank.bounds[:, 0], tank.bounds[:, 1]
+    floor = vtkPlaneSource()
+    floor.SetOrigin(x, y, z)
+    floor.SetPoint1(right, y, z)
+    floor.SetPoint2(x, back, z)
+    floor.Update()
+    return [actor(floor.GetOutput(), TANK)]
+
+
+def draw(fields, bodies, tank, steps, view, width, name):
+    """One picture a step of `fields`, or of the bodies alone; returns the pictures and times."""
     renderer = vtkRenderer()
     renderer.SetBackground(1, 1, 1)
     renderer.SetUseDepthPeeling(True)
@@ -258,12 +272,12 @@ def draw_water(fields, bodies, tank, steps, view, width, folder):
 
     drawn = []
     for k, step in enumerate(steps, 1):
-        grid, time = fields.at(step)
+        grid, time = (fields or bodies).at(step)
         if k == 1:
-            for made in tank_actors(grid, tank):
+            for made in tank_actors(grid, tank) if fields else floor_actors(tank):
                 renderer.AddActor(made)
             renderer.ResetCameraClippingRange()
-        moving = structure_actors(grid, bodies, time) + water_actors(grid)
+        moving = structure_actors(grid, bodies, time) + (water_actors(grid) if fields else [])
         for made in moving:
             renderer.AddActor(made)
         window.Render()
@@ -276,8 +290,7 @@ def draw_water(fields, bodies, tank, steps, view, width, folder):
         pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(rows, columns, -1)[::-1]
         pixels = pixels[: rows // 2 * 2, : columns // 2 * 2].astype(float)
         pixels = pixels.reshape(rows // 2, 2, columns // 2, 2, -1).mean(axis=(1, 3)) / 255
-        path = folder / f"water-{k}.png"
-        plt.imsave(path, pixels)
+        plt.imsave(f"{name}-{k}.png", pixels)
         drawn.append((pixels, time))
         for made in moving:
             renderer.RemoveActor(made)
@@ -447,21 +460,21 @@ def main():
     folder.mkdir(exist_ok=True)
     drawn = []
 
-    path = directory / "fields.vtkhdf"
-    if path.exists():
-        fields = Fields(path)
-        steps = fields.steps(arguments.times)
-        grid, _ = fields.at(0)
-        tank = Tank(grid)
+    files = [directory / name for name in ("fields.vtkhdf", "bodies.vtkhdf")]
+    fields, bodies = (Fields(path) if path.exists() else None for path in files)
+    if shown := fields or bodies:
+        steps = shown.steps(arguments.times)
+        grid, _ = shown.at(0)
+        tank = Tank([grid] if fields else [shown.at(step)[0] for step in steps])
         view = tank.view()
         if arguments.view:
             view = np.array([float(x) for x in arguments.view.split(",")])
-        if grid.GetPointData().HasArray("phase"):
-            path = directory / "bodies.vtkhdf"
-            bodies = Fields(path) if path.exists() else None
-            pictures = draw_water(fields, bodies, tank, steps, view, arguments.width, folder)
-            draw_sheet(pictures, folder / "water.png")
-            drawn += [f"water-{k}.png" for k in range(1, len(steps) + 1)] + ["water.png"]
+        if not fields or grid.GetPointData().HasArray("phase"):
+            name = "water" if fields else "bodies"
+            pictures = draw(fields, bodies, tank, steps, view, arguments.width, folder / name)
+            draw_sheet(pictures, folder / f"{name}.png")
+            drawn += [f"{name}-{k}.png" for k in range(1, len(steps) + 1)] + [f"{name}.png"]
+    if fields:
         if draw_slices(fields, tank, fields.steps(min(arguments.times, 4)), folder / "slices.png"):
             drawn.append("slices.png")
     for name in ("gauges", "history"):
@@ -469,7 +482,7 @@ def main():
         if path.exists() and draw_table(path, folder / f"{name}.png"):
             drawn.append(f"{name}.png")
     if not drawn:
-        sys.exit(f"{directory}: holds no fields.vtkhdf, gauges.csv or history.csv to draw")
+        sys.exit(f"{directory}: holds no fields.vtkhdf, bodies.vtkhdf, gauges.csv or history.csv to draw")
     print(*(folder / name for name in drawn), sep="\n")
 
 

@@ -3,9 +3,12 @@
 import argparse
 import json
 import os
+import re
+import shutil
 import statistics
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,7 +63,46 @@ def two_ranks():
     return {"two_ranks": (one["step"] / two["step"], "× one rank")}
 
 
-MEASUREMENTS = {"matvec": kernels, "assembly": assembly, "step": whole_step, "iterations": iterations, "two_ranks": two_ranks}
+def spheres(name, *peer):
+    """Sphere-steps per second of processor time."""
+    done = subprocess.run([EXAMPLES / "clusters", name], capture_output=True, text=True, check=True)
+    return {f"dem_{name}": (json.loads(done.stdout)["rate"] * 1e-6, "M sphere-steps/s", *peer)}
+
+
+def loose():
+    """10 000 spheres that have settled in a box, beside LIGGGHTS if it is installed (its share of a processor
+    is that of the whole run)."""
+    if not shutil.which("liggghts"):
+        return spheres("loose")
+    with tempfile.TemporaryDirectory() as folder:
+        before = os.times()
+        script = ROOT / "scripts/peers/settle.in"
+        done = subprocess.run(["liggghts", "-in", script], cwd=folder, capture_output=True, text=True, check=True)
+        after = os.times()
+    share = (after.children_user - before.children_user) / (after.elapsed - before.elapsed)
+    *_, seconds = re.findall(r"Loop time of (\S+) on 1 procs for 3000 steps with 10000 atoms", done.stdout)
+    return spheres("loose", "LIGGGHTS", 10000 * 3000 / (float(seconds) * share) * 1e-6)
+
+
+def bonded():
+    """Blocks of 8 spheres glued to one, beside Yade if it is installed."""
+    if not shutil.which("yade"):
+        return spheres("bonded")
+    command = ["yade", "-x", "-n", "-j1", ROOT / "scripts/peers/bonded.py"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    (rate,) = re.findall(r"sphere-steps per second: (\S+)", done.stdout)
+    return spheres("bonded", "Yade", float(rate) * 1e-6)
+
+
+MEASUREMENTS = {
+    "matvec": kernels,
+    "assembly": assembly,
+    "step": whole_step,
+    "iterations": iterations,
+    "two_ranks": two_ranks,
+    "dem_loose": loose,
+    "dem_bonded": bonded,
+}
 
 
 def main():
@@ -79,11 +121,15 @@ def main():
     print(f"{'name':36} {'median':>10} {'least':>10} {'most':>10}  unit")
     for name in arguments.names or MEASUREMENTS:
         runs = [MEASUREMENTS[name]() for _ in range(arguments.runs)]
-        for key, (_, unit) in runs[0].items():
+        for key, (_, unit, *peer) in runs[0].items():
             values = [run[key][0] for run in runs]
             line = {"name": key, "value": statistics.median(values), "unit": unit, "spread": [min(values), max(values)]}
+            beside = ""
+            if peer:
+                line.update(peer=peer[0], peer_value=statistics.median(run[key][3] for run in runs))
+                beside = f", {line['peer']} {line['peer_value']:.3f}"
             lines.append(line)
-            print(f"{key:36} {line['value']:10.3f} {min(values):10.3f} {max(values):10.3f}  {unit}", flush=True)
+            print(f"{key:36} {line['value']:10.3f} {min(values):10.3f} {max(values):10.3f}  {unit}{beside}", flush=True)
     (ROOT / "target/bench.json").write_text(json.dumps(lines, indent=1, ensure_ascii=False) + "\n")
     return 0
 

@@ -9,9 +9,11 @@ from checks import Line, checks
 from program import ROOT, Work
 
 # Each group registers its checks when it is imported.
+import bodies  # noqa: F401
 import dam_break  # noqa: F401
 import flow  # noqa: F401
 import solver  # noqa: F401
+import structures  # noqa: F401
 import surface  # noqa: F401
 
 COLUMNS = ("case", "quantity", "reference", "measured", "tolerance", "verdict", "source")

@@ -88,6 +88,16 @@ class Run:
         return columns(self.folder / "gauges.csv")
 
     @property
+    def bodies(self):
+        """Columns of bodies.csv by name, units left out."""
+        return columns(self.folder / "bodies.csv")
+
+    @property
+    def loads(self):
+        """Columns of loads.csv by name, units left out."""
+        return columns(self.folder / "loads.csv")
+
+    @property
     def summary(self):
         """summary.json."""
         return json.loads((self.folder / "summary.json").read_text())

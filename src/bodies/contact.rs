@@ -13,7 +13,7 @@
 use super::account::Account;
 use super::cluster::{Cluster, State};
 use super::material::Materials;
-use super::neighbours::{Neighbours, Partner};
+use super::neighbours::{Inertia, Neighbours, Partner};
 use super::walls::Wall;
 use nalgebra::Vector3;
 
@@ -57,14 +57,24 @@ pub fn add_forces(
     counted: &[bool],
     account: &mut Account,
 ) {
-    let Neighbours { pairs, spheres, candidates, spring, rest, touching, hits, deepest, .. } = near;
+    let Neighbours {
+        pairs,
+        spheres,
+        candidates,
+        spring,
+        rest,
+        touching,
+        hits,
+        deepest,
+        inertia,
+        ..
+    } = near;
     for pair in pairs.iter() {
         hits.clear();
         let a = pair.cluster as usize;
         let first = pair.first as usize;
         match pair.partner {
             Partner::Cluster(b) => {
-                let [x_a, x_b] = [a, b as usize].map(|c| state.pose[c].position);
                 for k in first..pair.end as usize {
                     let [i, j] = candidates[k];
                     let (s, t) = (&spheres[i as usize], &spheres[j as usize]);
@@ -72,7 +82,9 @@ pub fn add_forces(
                     let reach = s.radius + t.radius;
                     let square = away.norm_squared();
                     if square >= reach * reach {
-                        (touching[k], rest[k]) = (false, 0.0);
+                        if touching[k] || rest[k] > 0.0 {
+                            (touching[k], rest[k]) = (false, 0.0);
+                        }
                         continue;
                     }
                     let distance = square.sqrt();
@@ -86,7 +98,7 @@ pub fn add_forces(
                         continue;
                     }
                     let point = s.place - normal * (s.radius - 0.5 * whole);
-                    let arm = [point - x_a, point - x_b];
+                    let arm = [a, b as usize].map(|c| point - state.pose[c].position);
                     hits.push(Hit { candidate: k as u32, normal, overlap, arm });
                 }
             }
@@ -110,11 +122,10 @@ pub fn add_forces(
         if hits.is_empty() {
             continue;
         }
-        let cluster = &world.clusters[a];
-        let mut sides = [Side::of(cluster, twists[a]), Side::wall()];
+        let mut sides = [Side::of(&inertia[a], twists[a]), Side::wall()];
         let (other, material) = match pair.partner {
             Partner::Cluster(b) => {
-                let partner = &world.clusters[b as usize];
+                let partner = &inertia[b as usize];
                 sides[1] = Side::of(partner, twists[b as usize]);
                 (Some(b as usize), partner.material)
             }
@@ -133,8 +144,8 @@ pub fn add_forces(
             }
         }
         let inverse_masses = sides[0].inverse_mass + sides[1].inverse_mass;
-        let law = world.materials.pair(cluster.material, material);
-        let damping = 2.0 * law.stiffness.sqrt() * law.damping_ratio();
+        let law = world.materials.pair(inertia[a].material, material);
+        let damping = world.materials.damping(inertia[a].material, material);
         let booked = counted[a];
         let mut sums = [Vector3::zeros(); 3];
         for hit in hits.iter() {
@@ -234,13 +245,9 @@ pub struct World {
 }
 
 impl Side {
-    fn of(cluster: &Cluster, twist: Twist) -> Self {
-        Self {
-            twist,
-            inverse_mass: cluster.inverse_mass(),
-            inverse_moments: cluster.inverse_moments(),
-            turn: Vector3::zeros(),
-        }
+    fn of(inertia: &Inertia, twist: Twist) -> Self {
+        let Inertia { inverse_mass, inverse_moments, .. } = *inertia;
+        Self { twist, inverse_mass, inverse_moments, turn: Vector3::zeros() }
     }
 
     fn wall() -> Self {

@@ -19,6 +19,10 @@ impl Contact {
         let ln = self.restitution.max(f64::MIN_POSITIVE).ln();
         (ln * ln / (ln * ln + PI * PI)).sqrt()
     }
+
+    fn damping(&self) -> f64 {
+        2.0 * self.stiffness.sqrt() * self.damping_ratio()
+    }
 }
 
 /// All pairs of materials.
@@ -26,6 +30,8 @@ impl Contact {
 pub struct Materials {
     n: usize,
     pairs: Vec<Contact>,
+    /// 2√K ζ of each pair: times √m, its dashpot.
+    dampings: Vec<f64>,
     /// Whether the dashpot's pull at the end of a contact is left out; restitution is then higher.
     pub no_tension: bool,
 }
@@ -33,20 +39,33 @@ pub struct Materials {
 impl Materials {
     /// `n` materials, all pairs alike.
     pub fn uniform(n: usize, contact: Contact) -> Self {
-        Self { n, pairs: vec![contact; n * n], no_tension: false }
+        Self {
+            n,
+            pairs: vec![contact; n * n],
+            dampings: vec![contact.damping(); n * n],
+            no_tension: false,
+        }
     }
 
     /// Another contact between two materials.
     pub fn set(&mut self, a: u32, b: u32, contact: Contact) {
         let (a, b) = (a as usize, b as usize);
-        self.pairs[a * self.n + b] = contact;
-        self.pairs[b * self.n + a] = contact;
+        for at in [a * self.n + b, b * self.n + a] {
+            self.pairs[at] = contact;
+            self.dampings[at] = contact.damping();
+        }
     }
 
     /// What two materials are to each other.
     #[inline]
     pub fn pair(&self, a: u32, b: u32) -> &Contact {
         &self.pairs[a as usize * self.n + b as usize]
+    }
+
+    /// Dashpot of a pair of materials over the root of the mass it stops [√N/m].
+    #[inline]
+    pub fn damping(&self, a: u32, b: u32) -> f64 {
+        self.dampings[a as usize * self.n + b as usize]
     }
 
     /// Stiffest and most damped contact of a material.

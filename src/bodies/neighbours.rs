@@ -45,6 +45,17 @@ pub struct PlacedSphere {
     local: Vector3<f64>,
 }
 
+/// What contact asks of a cluster.
+#[derive(Clone, Copy, Debug)]
+pub struct Inertia {
+    /// 1/m [1/kg]; 0 if forces do not move it.
+    pub inverse_mass: f64,
+    /// Diagonal of I⁻¹ [1/(kg m²)].
+    pub inverse_moments: Vector3<f64>,
+    /// Index of its material.
+    pub material: u32,
+}
+
 /// What a pair of spheres remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
@@ -80,6 +91,8 @@ pub struct Neighbours {
     pub deepest: f64,
     /// Reach beyond contact [m].
     pub skin: f64,
+    /// Of each cluster when the lists were made.
+    pub inertia: Vec<Inertia>,
     /// Where clusters stood when the lists were made.
     origin: Vec<(u32, Pose)>,
     slots: Slots,
@@ -169,6 +182,12 @@ impl Neighbours {
             }
         }
         self.recall(touches);
+        self.inertia.clear();
+        self.inertia.extend(world.clusters.iter().map(|c| Inertia {
+            inverse_mass: c.inverse_mass(),
+            inverse_moments: c.inverse_moments(),
+            material: c.material,
+        }));
         self.origin.clear();
         self.origin
             .extend(local.iter().filter(|&&c| mine(c)).map(|&c| (c, state.pose[c as usize])));
@@ -353,6 +372,12 @@ fn reaching(
     }
 }
 
+/// The cell of a place that is not negative.
+#[inline]
+fn place(x: Vector3<f64>, cell: f64) -> Vector3<i64> {
+    x.map(|x| (x / cell) as i64)
+}
+
 /// All pairs of boxes that meet, the lower number first. Cost linear for boxes of like size.
 pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
@@ -363,10 +388,7 @@ pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
     let mut sizes: Vec<f64> = boxes.iter().map(|b| (b.1.max - b.1.min).max()).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let mut cell = 1.2 * sizes[sizes.len() / 2];
-    let range = |b: &Bounds, cell: f64| {
-        let at = |x: Vector3<f64>| ((x - low) / cell).map(|c| c.floor() as i64);
-        (at(b.min), at(b.max))
-    };
+    let range = |b: &Bounds, cell: f64| (place(b.min - low, cell), place(b.max - low, cell));
     let count = |cell: f64| -> i64 {
         boxes.iter().map(|b| range(&b.1, cell)).map(|(a, b)| (b - a).add_scalar(1).product()).sum()
     };
@@ -374,13 +396,19 @@ pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
     while count(cell) > 27 * boxes.len() as i64 {
         cell *= 1.5;
     }
-    let mut entries: Vec<([i64; 3], u32)> = Vec::new();
+    // Cells in one number, and boxes.
+    let [_, wide, high] = <[i64; 3]>::from(boxes.iter().fold(Vector3::zeros(), |most, b| {
+        let (_, to) = range(&b.1, cell);
+        most.sup(&to.add_scalar(1))
+    }));
+    let number = |[i, j, k]: [i64; 3]| (i * wide + j) * high + k;
+    let mut entries: Vec<(i64, u32)> = Vec::new();
     for (n, (_, bounds)) in (0..).zip(boxes) {
         let (from, to) = range(bounds, cell);
         for i in from.x..=to.x {
             for j in from.y..=to.y {
                 for k in from.z..=to.z {
-                    entries.push(([i, j, k], n));
+                    entries.push((number([i, j, k]), n));
                 }
             }
         }
@@ -392,8 +420,7 @@ pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
                 let ((p, p_box), (q, q_box)) = (&boxes[a as usize], &boxes[b as usize]);
                 // A pair is found once: in the cell of its boxes' common lower corner.
                 let corner = p_box.min.sup(&q_box.min);
-                let home = ((corner - low) / cell).map(|c| c.floor() as i64);
-                if p_box.meets(q_box) && home == Vector3::from(here) {
+                if p_box.meets(q_box) && number(place(corner - low, cell).into()) == here {
                     pairs.push((*p.min(q), *p.max(q)));
                 }
             }

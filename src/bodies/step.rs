@@ -442,6 +442,7 @@ impl Bodies {
             .iter()
             .map(|&c| std::mem::replace(&mut self.world.clusters[c].motion, Motion::Fixed))
             .collect();
+        self.refresh();
         let loads = vec![Load::default(); n];
         let chunk = SETTLING * self.time_step;
         for i in 0..(duration / chunk).ceil() as u64 {
