@@ -91,7 +91,7 @@ pub struct Neighbours {
     pub deepest: f64,
     /// Reach beyond contact [m].
     pub skin: f64,
-    /// Of each cluster when the lists were made.
+    /// Of each cluster.
     pub inertia: Vec<Inertia>,
     /// Where clusters stood when the lists were made.
     origin: Vec<(u32, Pose)>,
@@ -103,6 +103,16 @@ impl Neighbours {
     /// Nothing yet; lists will reach `skin` beyond contact.
     pub fn new(skin: f64) -> Self {
         Self { skin, ..Self::default() }
+    }
+
+    /// Takes over how heavy clusters are, which changes when one is let go.
+    pub fn weigh(&mut self, world: &World) {
+        self.inertia.clear();
+        self.inertia.extend(world.clusters.iter().map(|c| Inertia {
+            inverse_mass: c.inverse_mass(),
+            inverse_moments: c.inverse_moments(),
+            material: c.material,
+        }));
     }
 
     /// Moves the spheres to where their clusters are.
@@ -182,12 +192,6 @@ impl Neighbours {
             }
         }
         self.recall(touches);
-        self.inertia.clear();
-        self.inertia.extend(world.clusters.iter().map(|c| Inertia {
-            inverse_mass: c.inverse_mass(),
-            inverse_moments: c.inverse_moments(),
-            material: c.material,
-        }));
         self.origin.clear();
         self.origin
             .extend(local.iter().filter(|&&c| mine(c)).map(|&c| (c, state.pose[c as usize])));

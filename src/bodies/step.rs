@@ -148,6 +148,7 @@ impl Bodies {
         bodies.refresh();
         bodies.predict(0.0);
         bodies.ranks.update_ghosts(&mut bodies.state.pose, &mut bodies.twists);
+        bodies.near.weigh(&bodies.world);
         bodies.add_forces(0.0);
         Ok(bodies)
     }
@@ -173,6 +174,7 @@ impl Bodies {
     pub fn advance(&mut self, dt: f64, loads: &[Load]) {
         let (h, n) = self.sub_steps(dt);
         let begin = self.t;
+        self.near.weigh(&self.world);
         self.loads.copy_from_slice(loads);
         for &c in self.ranks.local() {
             let c = c as usize;
@@ -442,7 +444,6 @@ impl Bodies {
             .iter()
             .map(|&c| std::mem::replace(&mut self.world.clusters[c].motion, Motion::Fixed))
             .collect();
-        self.refresh();
         let loads = vec![Load::default(); n];
         let chunk = SETTLING * self.time_step;
         for i in 0..(duration / chunk).ceil() as u64 {
