@@ -406,7 +406,7 @@ impl Simulation {
     fn wall_rate(&self) -> f64 {
         // Before the first step, their speed at once.
         let (t, dt) = (self.clock.t, self.clock.dt.max(1e-9 * self.case.time.end));
-        self.structures.speed(self.bodies.as_ref(), t, dt) / self.smallest
+        self.structures.crossing_rate(&self.part, &self.cut, t, dt)
     }
 
     /// u at local nodes [m/s], computed or given.
@@ -438,13 +438,14 @@ impl Simulation {
         }
     }
 
-    fn history(&self, report: &StepReport, courant: f64) -> [f64; 15] {
+    fn history(&self, report: &StepReport, courant: f64) -> [f64; 16] {
         let (flow, volume) = (&report.flow, &report.volume);
         [
             self.clock.step as f64,
             self.clock.t,
             report.dt,
             courant,
+            report.passes.into(),
             flow.iterations.into(),
             flow.residual / flow.initial_residual.max(f64::MIN_POSITIVE),
             report.phase_iterations.into(),

@@ -427,6 +427,16 @@ impl Bodies {
         all.map(|(pose, twist)| Placed { pose, twist }).collect()
     }
 
+    /// Of each joint whether a point of it is unbroken, the same on every rank. Collective.
+    pub fn holding(&self) -> Vec<bool> {
+        let owned = self.ranks.is_owned();
+        let joints = self.joints.joints.iter().zip(&self.joints.alive);
+        let mut holding: Vec<f64> =
+            joints.map(|(j, &n)| f64::from(u8::from(owned[j.a as usize] && n > 0))).collect();
+        self.ranks.comm().sum_all(&mut holding);
+        holding.into_iter().map(|h| h > 0.0).collect()
+    }
+
     /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first
     /// waits in its place; time and account then begin anew. Collective.
     pub fn settle(&mut self, duration: f64) {

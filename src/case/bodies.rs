@@ -88,6 +88,8 @@ pub struct Bond {
     pub strength: f64,
     /// δ_f [m].
     pub opening: f64,
+    /// Share of a face that is glued.
+    pub area: f64,
     /// Integration points along each side of a face.
     pub points: u32,
     /// After the opening shrinks.

@@ -68,6 +68,9 @@ pub struct BondTable {
     pub strength: f64,
     /// Distance at which a bond is broken for good [m].
     pub opening: f64,
+    /// How much of a face is glued, from 0 to 1.
+    #[serde(default = "whole")]
+    pub area: f64,
     /// Integration points along each side of a face.
     #[serde(default = "four")]
     pub points: u32,
@@ -85,6 +88,9 @@ pub struct BondTable {
     pub gap: Option<f64>,
 }
 
+fn whole() -> f64 {
+    1.0
+}
 fn four() -> u32 {
     4
 }
