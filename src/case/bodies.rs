@@ -28,6 +28,8 @@ pub struct Bodies {
     pub settle: f64,
     /// How flow and bodies are solved.
     pub coupling: Coupling,
+    /// What is under bodies that rest on something.
+    pub base_pressure: BasePressure,
     /// The fluid slides along them.
     pub slip: bool,
     /// Glue.
@@ -69,6 +71,16 @@ pub enum Coupling {
     Strong,
     /// One after the other (paper).
     Loose,
+}
+
+/// What is under a body that rests on the bottom or on another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BasePressure {
+    /// Water, as deep as beside it.
+    Wet,
+    /// Nothing: the water presses it down.
+    Dry,
 }
 
 /// What carries compression across a bonded face.

@@ -10,6 +10,7 @@ use crate::fem::dot;
 use crate::flow::{BodyLoad, Flow, Material};
 use crate::mesh::MeshPart;
 use crate::obstacles::Obstacles;
+use crate::shape::Bounds;
 use nalgebra::Vector3;
 
 /// All of them: obstacles first, then bodies.
@@ -19,6 +20,8 @@ pub struct Structures {
     nodes: Nodes,
     /// How bodies hold the fluid.
     wall: Wall,
+    /// Around the mesh.
+    pub mesh: Bounds,
     /// Where each body stands, and how its wall moves over the step.
     pub placed: Vec<Placed>,
 }
@@ -35,6 +38,7 @@ impl Structures {
         Self {
             obstacles,
             nodes: Nodes::new(part),
+            mesh: bounds(part),
             wall: if slip { Wall::Slip } else { Wall::NoSlip },
             placed: bodies.map_or(Vec::new(), Bodies::placed),
         }
@@ -150,6 +154,12 @@ impl Structures {
         report.loads = flow.loads(part, cut, material, &surfaces);
         Ok(())
     }
+}
+
+/// Around the whole mesh. Collective.
+fn bounds(part: &MeshPart) -> Bounds {
+    let mine = Bounds::of(part.mesh.nodes.iter().map(|&x| x.into()));
+    Bounds { min: mine.min.map(|x| -part.max(-x)), max: mine.max.map(|x| part.max(x)) }
 }
 
 /// The weak form's own reaction: what the water loses, the body gets.

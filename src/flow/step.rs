@@ -27,10 +27,6 @@ use std::time::{Duration, Instant};
 
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
-/// Tolerance of those first steps, which start from no pressure at all: with a free surface so tight
-/// that still water starts still.
-const START_TOLERANCE: f64 = 1e-6;
-const START_TOLERANCE_FREE_SURFACE: f64 = 1e-11;
 /// A residual this small beside the right-hand side is rounding.
 const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
@@ -150,10 +146,7 @@ impl Flow {
             steps: 0,
             constraints,
             tolerance: case.solver.tolerance,
-            start_tolerance: match case.gas {
-                Some(_) => START_TOLERANCE_FREE_SURFACE,
-                None => START_TOLERANCE,
-            },
+            start_tolerance: case.solver.start_tolerance,
             wall: case.flow.wall_penalty.map_or(Method::Nitsche, Method::Penalty),
             max_iterations: case.solver.max_iterations,
             picard: case.flow.iterations.max(1),

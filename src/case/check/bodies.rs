@@ -75,6 +75,7 @@ pub fn check(
         } else {
             Coupling::Auto
         }),
+        base_pressure: table.base_pressure,
         slip: table.slip,
         bond,
         bodies: Vec::new(),
