@@ -12,10 +12,10 @@
 use fcm_fsi::case::{Case, Sources};
 use fcm_fsi::fem::courant_rate;
 use fcm_fsi::flow::Flow;
-use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::phase::inflow::Inflow;
 use fcm_fsi::phase::{Phase, initial};
 use fcm_fsi::report::summary::memory_peak_mb;
+use fcm_fsi::setup;
 use fcm_fsi::simulation::Simulation;
 use partition::Communicator;
 use serde::{Deserialize, Serialize};
@@ -115,7 +115,7 @@ fn begin(case: Case, comm: &Communicator, state: &State) -> Simulation {
     let phi = initial::profile(&distance, fcm_fsi::phase::delta(&case.free_surface, cell));
     run.material.set_phase(&phi);
     let faces = Inflow::new(case, part).faces;
-    let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+    let graph = setup::graph(part);
     run.phase = Some(Phase::new(
         part,
         &run.cut,

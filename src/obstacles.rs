@@ -5,7 +5,6 @@ mod terrain;
 use crate::case::{self, Case, CaseError};
 use crate::cut::level_set::Solid;
 use crate::cut::{Motion, Surface, Wall};
-use crate::fem::norm;
 use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -55,15 +54,6 @@ impl Obstacles {
     /// Whether any of them moves.
     pub fn move_at_all(&self) -> bool {
         self.given.iter().any(|o| o.displacement.is_some() || o.rotation.is_some())
-    }
-
-    /// Largest speed of a wall over the step [m/s].
-    pub fn speed(&self, t: f64, dt: f64) -> f64 {
-        let speed = |(surface, shape): (Surface, &Shape)| {
-            let Motion { velocity, spin, .. } = surface.motion;
-            norm(velocity) + norm(spin) * shape.radius()
-        };
-        self.surfaces(t, dt).into_iter().zip(&self.shapes).map(speed).fold(0.0, f64::max)
     }
 
     fn pose(&self, i: usize, t: f64) -> Pose {

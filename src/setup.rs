@@ -85,6 +85,11 @@ pub fn velocity(case: &Case, part: &MeshPart) -> Vec<[f64; 3]> {
     part.mesh.nodes.iter().map(|&x| std::array::from_fn(|k| formula[k].at(x, 0.0))).collect()
 }
 
+/// What all nodal matrices of a part share. Collective.
+pub fn graph(part: &MeshPart) -> NodeGraph {
+    NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets)
+}
+
 /// The flow at t = 0, unless its velocity is given for all times or there is no fluid.
 pub fn flow(case: &Case, part: &MeshPart, cut: &CutMesh, graph: &NodeGraph) -> Option<Flow> {
     let computed = case.prescribed_velocity.is_none() && case.mesh != MeshSource::Nothing;

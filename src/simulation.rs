@@ -8,7 +8,7 @@ use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
-use crate::linear::{Diverged, NodeGraph};
+use crate::linear::Diverged;
 use crate::mesh::MeshPart;
 use crate::mesh::balance::Balance;
 use crate::mesh::quality::Quality;
@@ -33,7 +33,7 @@ const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
 /// Cells that a wall crosses in a step at most: nodes beyond it hold for it no longer.
-const WALL_LIMIT: f64 = 0.25;
+const WALL_LIMIT: f64 = 0.5;
 
 /// Bodies without a fluid take this many sub-steps a step.
 const SUB_STEPS: f64 = 100.0;
@@ -192,7 +192,7 @@ impl Simulation {
         let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
         let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
-        let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+        let graph = setup::graph(&part);
         let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
         let flow = setup::flow(&case, &part, &cut, &graph);
@@ -407,7 +407,7 @@ impl Simulation {
     fn wall_rate(&self) -> f64 {
         // Before the first step, their speed at once.
         let (t, dt) = (self.clock.t, self.clock.dt.max(1e-9 * self.case.time.end));
-        self.structures.speed(self.bodies.as_ref(), t, dt) / self.smallest
+        self.structures.crossing_rate(&self.part, &self.cut, t, dt)
     }
 
     /// u at local nodes [m/s], computed or given.
@@ -439,13 +439,14 @@ impl Simulation {
         }
     }
 
-    fn history(&self, report: &StepReport, courant: f64) -> [f64; 15] {
+    fn history(&self, report: &StepReport, courant: f64) -> [f64; 16] {
         let (flow, volume) = (&report.flow, &report.volume);
         [
             self.clock.step as f64,
             self.clock.t,
             report.dt,
             courant,
+            report.passes.into(),
             flow.iterations.into(),
             flow.residual / flow.initial_residual.max(f64::MIN_POSITIVE),
             report.phase_iterations.into(),

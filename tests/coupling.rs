@@ -1,7 +1,10 @@
 //! Bodies and water together, against exact solutions.
 
 use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::coupling::hidden::Hidden;
+use fcm_fsi::shape::Bounds;
 use fcm_fsi::simulation::Simulation;
+use nalgebra::Vector3;
 use partition::Communicator;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -52,4 +55,40 @@ fn a_piston_pushes_its_column() {
         let load = run.loads[0].reaction.force[0];
         assert!((load / (-column * exact) - 1.0).abs() < 0.02, "{mass} kg: {load}");
     }
+}
+
+/// A block that lies on the bottom of still water is as much lighter as the water that it displaces weighs; dry
+/// underneath, it is pressed down by what stands above it.
+#[test]
+fn a_block_on_the_bottom_has_buoyancy() {
+    let mut run = start(
+        "[mesh]\nbox = { x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }\n\
+         [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
+         [time]\nend = 1\nstep = 0.01\n\
+         [solver]\ntolerance = 1e-8\n\
+         [bodies]\nsphere_radius = 0.05\nslip = true\nsettle = 0.05\n\
+         [[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
+         [[body]]\nname = \"block\"\nbox = [0.4, 0.3, 0.2]\nat = [0.5, 0.45, 0.1]\ndensity = 3000\n"
+            .into(),
+    );
+    for _ in 0..3 {
+        run.step(0.01).unwrap();
+    }
+    let bodies = run.bodies.as_ref().unwrap();
+    let hidden = Hidden {
+        clusters: &bodies.world.clusters,
+        placed: &bodies.placed(),
+        loose: &bodies.loose(),
+        first: 0,
+        mesh: &Bounds { min: Vector3::zeros(), max: Vector3::repeat(1.0) },
+    };
+    let hidden = hidden.loads(&run.part, &run.cut, &run.material, run.flow.as_ref().unwrap())[0];
+    let seen = run.loads[0].reaction;
+    let buoyancy = 1000.0 * 9.81 * 0.4 * 0.3 * 0.2;
+    assert!(seen.force[2] < -3.0 * buoyancy, "{seen:?}");
+    let force = hidden.force + Vector3::from(seen.force);
+    assert!((force - Vector3::new(0.0, 0.0, buoyancy)).norm() < 1e-3 * buoyancy, "{force:?}");
+    let torque = hidden.torque + Vector3::from(seen.torque);
+    // Torques of what is seen are summed with one point a facet.
+    assert!(torque.norm() < 1e-2 * buoyancy * 0.2, "{torque:?}");
 }

@@ -57,9 +57,10 @@ impl Setting {
             .iter()
             .map(|b| Solid { shape: &b.shape, pose: b.pose, outside_in: b.outside_in })
             .collect();
-        let levels = LevelSet::new(&part, &Nodes::new(&part), &solids);
+        let levels = LevelSet::new(&part, &Nodes::new(&part), &solids, &[]);
         let cut = CutMesh::new(&part, levels, |x, of| nearest(&solids, of, x));
-        let flow = setup::flow(&case, &part, &cut).expect("no velocity is given for all times");
+        let flow = setup::flow(&case, &part, &cut, &setup::graph(&part))
+            .expect("no velocity is given for all times");
         let material = setup::material(&case, &part, None);
         let surfaces = bodies.iter().map(|b| b.surface).collect();
         Self { part, cut, surfaces, flow, material, t: 0.0, iterations: Vec::new() }

@@ -28,7 +28,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["io", "partition"],
     ),
-    ("coupling", &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "obstacles"], &[]),
+    (
+        "coupling",
+        &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "obstacles", "shape"],
+        &[],
+    ),
     ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
     (
         "setup",

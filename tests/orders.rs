@@ -39,7 +39,7 @@ impl Setting {
         };
         let case = Case::new(&sources).unwrap_or_else(|error| panic!("{error}\n{case}"));
         let part = MeshPart::single(mesh);
-        let flow = setup::flow(&case, &part, &CutMesh::whole())
+        let flow = setup::flow(&case, &part, &CutMesh::whole(), &setup::graph(&part))
             .expect("no velocity is given for all times");
         let material = setup::material(&case, &part, None);
         Self { part, flow, material }

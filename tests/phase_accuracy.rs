@@ -2,11 +2,11 @@
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
 use fcm_fsi::cut::CutMesh;
-use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::tetrahedron::Tetrahedron;
 use fcm_fsi::mesh::{Mesh, MeshPart};
 use fcm_fsi::phase::{Phase, delta, initial};
+use fcm_fsi::setup;
 use std::f64::consts::PI;
 
 const SETTINGS: FreeSurface = FreeSurface {
@@ -18,7 +18,8 @@ const SETTINGS: FreeSurface = FreeSurface {
     profile_correction: true,
     volume_correction: VolumeCorrection::Off,
 };
-const SOLVER: Solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-3, max_iterations: 200 };
+const SOLVER: Solver =
+    Solver { tolerance: 1e-3, start_tolerance: 1e-11, phase_tolerance: 1e-3, max_iterations: 200 };
 
 /// A slab of n × n cells, one thick, of sides `size`.
 fn slab(n: usize, size: f64, jitter: f64) -> Mesh {
@@ -48,7 +49,7 @@ impl Run {
                 lumped[n as usize] += 0.25 * Tetrahedron::of(&part.mesh, e).volume;
             }
         }
-        let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+        let graph = setup::graph(&part);
         let phase =
             Phase::new(&part, &CutMesh::whole(), &graph, settings, &SOLVER, h, phi, Vec::new());
         Self { part, phase, lumped }

@@ -1,6 +1,7 @@
 //! A run that is stopped and goes on from a checkpoint equals the uninterrupted one: bit for bit on as many
 //! ranks, to solver tolerance on others.
 
+use fcm_fsi::bodies::record::CLUSTER;
 use io::checkpoint::{Checkpoint, find};
 use partition::Communicator;
 use std::path::{Path, PathBuf};
@@ -33,8 +34,8 @@ phase_tolerance = 1e-12
 checkpoint_every = 0.1
 "#;
 
-/// Two glued boxes, light for the water that hits them.
-const BODIES: &str = include_str!("boxes_in_a_wave.toml");
+/// A wall of glued blocks, light for the water that breaks it.
+const BODIES: &str = include_str!("wall_in_a_wave.toml");
 
 fn run(folder: &Path, ranks: usize, restart: Option<&Path>) {
     let mut command = Command::new("mpirun");
@@ -58,6 +59,8 @@ fn state(folder: &Path) -> Vec<(String, Vec<f64>)> {
     let groups = [
         ("nodes", vec![("u", 3), ("u_old", 3), ("p", 1), ("phi", 1), ("phase_excess", 1)]),
         ("elements", vec![("fine_scale", 3)]),
+        ("bodies", vec![("state", CLUSTER)]),
+        ("bonds", vec![("largest", 1)]),
     ];
     for (group, arrays) in groups {
         let ids: Vec<u64> = (0..saved.count(group).unwrap()).collect();
@@ -86,18 +89,26 @@ fn whole_run(name: &str, case: &str) -> (PathBuf, PathBuf) {
     (whole, first)
 }
 
+fn lines(folder: &Path, file: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(folder.join(file)).unwrap();
+    text.lines().skip(1).map(str::to_string).collect()
+}
+
 fn last_line(folder: &Path) -> String {
-    let text = std::fs::read_to_string(folder.join("history.csv")).unwrap();
-    text.lines().last().unwrap().to_string()
+    lines(folder, "history.csv").pop().unwrap()
 }
 
 #[test]
-fn bodies_in_water_go_on_bit_for_bit() {
-    let case = BODIES.replace("end = 1\n", "end = 0.04\n") + "[output]\ncheckpoint_every = 0.02\n";
+fn bodies_that_break_in_water_go_on_bit_for_bit() {
+    let output = "[output]\nbodies_every = 0.1\ncheckpoint_every = 0.16\n";
+    let case = BODIES.replace("end = 1\n", "end = 0.32\n") + output;
     let (whole, first) = whole_run("restart_bodies", &case);
     let again = whole.with_file_name("again");
     run(&again, 2, Some(&first));
     assert_eq!(last_line(&again), last_line(&whole));
+    let (all, after) = (lines(&whole, "bonds.csv"), lines(&again, "bonds.csv"));
+    assert!(!after.is_empty() && after.len() < all.len(), "{all:?}");
+    assert_eq!(all[all.len() - after.len()..], after);
     for ((name, a), (_, b)) in state(&again).iter().zip(&state(&whole)) {
         // Energies are summed over ranks when a checkpoint is written: their last digits may differ.
         let account = name.starts_with("bodies.");

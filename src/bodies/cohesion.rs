@@ -8,6 +8,7 @@ use super::account::Account;
 use super::cluster::State;
 use super::cohesion_law::{BROKEN, Law};
 use super::contact::{Twist, World};
+use super::touching::Common;
 use crate::case::{Compression, Unloading};
 use nalgebra::Vector3;
 
@@ -56,20 +57,17 @@ pub struct Joints {
     pub largest: Vec<f64>,
     /// Unbroken points of each joint.
     pub alive: Vec<u32>,
+    /// Of each joint the prism over its outline, as deep as the clusters: outward normals and offsets [m] of
+    /// its sides, in the frame of a.
+    pub prisms: Vec<Vec<(Vector3<f64>, f64)>>,
 }
 
 impl Joints {
-    /// Adds a face between clusters a < b with points (place in space, area); `normal` from a to b in space.
-    pub fn add(
-        &mut self,
-        state: &State,
-        world: &World,
-        [a, b]: [u32; 2],
-        normal: Vector3<f64>,
-        law: u32,
-        points: &[(Vector3<f64>, f64)],
-    ) {
+    /// Adds a face that clusters have in common, glued by a law.
+    pub fn add(&mut self, state: &State, world: &World, face: &Common, law: u32) {
+        let ([a, b], normal, points) = (face.clusters, face.normal, &face.points);
         assert!(a < b, "the lower number first");
+        self.prisms.push(prism(state, world, face));
         let pose = |c: u32| &state.pose[c as usize];
         let first = self.places.len() as u32;
         for &(x, area) in points {
@@ -99,6 +97,7 @@ impl Joints {
         order.sort_by_key(|&j| (self.joints[j].a, self.joints[j].b, j));
         self.joints = order.iter().map(|&j| self.joints[j]).collect();
         self.alive = order.iter().map(|&j| self.alive[j]).collect();
+        self.prisms = order.iter().map(|&j| std::mem::take(&mut self.prisms[j])).collect();
     }
 
     /// Whether two clusters feel each other through their bond alone: no point of it is broken.
@@ -264,4 +263,25 @@ impl Joints {
             }
         }
     }
+}
+
+/// The prism over a common face, through both clusters, in the frame of the first.
+fn prism(state: &State, world: &World, face: &Common) -> Vec<(Vector3<f64>, f64)> {
+    let pose = &state.pose[face.clusters[0] as usize];
+    let (n, corners) = (face.normal, &face.outline);
+    let depth = |c: u32, along: Vector3<f64>| {
+        let form = &world.clusters[c as usize].form;
+        let surface = form.shape.surface(form.radius);
+        let to = surface.vertices.iter().map(|&x| state.pose[c as usize].to_space(x).dot(&along));
+        to.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let [a, b] = face.clusters;
+    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+    let sides = edges.map(|(x, y)| {
+        let out = (y - x).cross(&n).normalize();
+        (out, out.dot(x))
+    });
+    let in_space = sides.chain([(n, depth(b, n)), (-n, depth(a, -n))]);
+    let turned = |n: Vector3<f64>| pose.rotation.inverse_transform_vector(&n);
+    in_space.map(|(n, offset)| (turned(n), offset - n.dot(&pose.position))).collect()
 }

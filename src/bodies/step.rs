@@ -429,6 +429,26 @@ impl Bodies {
         all.map(|(pose, twist)| Placed { pose, twist }).collect()
     }
 
+    /// Of each joint whether a point of it is unbroken, the same on every rank. Collective.
+    pub fn holding(&self) -> Vec<bool> {
+        let owned = self.ranks.is_owned();
+        let joints = self.joints.joints.iter().zip(&self.joints.alive);
+        let mut holding: Vec<f64> =
+            joints.map(|(j, &n)| f64::from(u8::from(owned[j.a as usize] && n > 0))).collect();
+        self.ranks.comm().sum_all(&mut holding);
+        holding.into_iter().map(|h| h > 0.0).collect()
+    }
+
+    /// Of each cluster whether it is free and unglued, the same on every rank. Collective.
+    pub fn loose(&self) -> Vec<bool> {
+        let mut loose: Vec<bool> = self.world.clusters.iter().map(|c| c.is_free()).collect();
+        let joints = self.joints.joints.iter().zip(self.holding());
+        for (joint, _) in joints.filter(|(_, holds)| *holds) {
+            [joint.a, joint.b].into_iter().for_each(|c| loose[c as usize] = false);
+        }
+        loose
+    }
+
     /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first
     /// waits in its place; time and account then begin anew. Collective.
     pub fn settle(&mut self, duration: f64) {

@@ -27,6 +27,8 @@ pub struct Common {
     pub clusters: [u32; 2],
     /// From the first to the second, in space.
     pub normal: Vector3<f64>,
+    /// Corners of the common area's convex hull [m], anticlockwise seen from the tip of the normal.
+    pub outline: Vec<Vector3<f64>>,
     /// Integration points [m] and their areas [m²].
     pub points: Vec<(Vector3<f64>, f64)>,
 }
@@ -119,7 +121,9 @@ pub fn common_faces(
         for (plane, pieces) in planes {
             let points = plane.points(&pieces, across);
             if !points.is_empty() {
-                found.push(Common { clusters: [a, b], normal: plane.normal, points });
+                let corners = hull(pieces.concat());
+                let outline = corners.into_iter().map(|x| plane.to_space(x)).collect();
+                found.push(Common { clusters: [a, b], normal: plane.normal, outline, points });
             }
         }
     }
@@ -164,6 +168,10 @@ impl Plane {
         corners
     }
 
+    fn to_space(&self, x: Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.axes[0] * x.x + self.axes[1] * x.y
+    }
+
     fn points(&self, pieces: &[Vec<Vector2<f64>>], across: u32) -> Vec<(Vector3<f64>, f64)> {
         let all = || pieces.iter().flatten();
         let low = all().fold(Vector2::repeat(f64::INFINITY), |l, x| l.inf(x));
@@ -189,8 +197,7 @@ impl Plane {
                 }
                 if area > least {
                     let c: Vector2<f64> = moment / area;
-                    let x = self.origin + self.axes[0] * c.x + self.axes[1] * c.y;
-                    points.push((x, area));
+                    points.push((self.to_space(c), area));
                 }
             }
         }
@@ -217,6 +224,27 @@ fn clip(subject: &[Vector2<f64>], window: &[Vector2<f64>]) -> Vec<Vector2<f64>> 
         }
     }
     kept
+}
+
+/// Corners of the convex hull, anticlockwise (Andrew's monotone chain).
+fn hull(mut points: Vec<Vector2<f64>>) -> Vec<Vector2<f64>> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let mut corners: Vec<Vector2<f64>> = Vec::new();
+    let back = points.iter().rev().copied().collect();
+    for chain in [points, back] {
+        let first = corners.len();
+        for x in chain {
+            while let [.., a, b] = corners[first..]
+                && (b - a).perp(&(x - b)) <= 1e-9 * (b - a).norm() * (x - a).norm()
+            {
+                corners.pop();
+            }
+            corners.push(x);
+        }
+        // The next chain begins with this one's end.
+        corners.pop();
+    }
+    corners
 }
 
 fn area_and_centre(polygon: &[Vector2<f64>]) -> (f64, Vector2<f64>) {
@@ -246,5 +274,8 @@ mod tests {
         assert!((area - 1.5).abs() < 1e-15);
         assert!((centre - Vector2::new(1.5, 1.25)).norm() < 1e-15);
         assert_eq!(area_and_centre(&clip(&square(0.0, 0.0, 1.0), &square(1.0, 0.0, 1.0))).0, 0.0);
+        let both = [square(0.0, 0.0, 1.0), square(1.0, 0.0, 1.0)].concat();
+        let (area, centre) = area_and_centre(&hull(both));
+        assert!((area - 2.0).abs() < 1e-15 && (centre - Vector2::new(1.0, 0.5)).norm() < 1e-15);
     }
 }

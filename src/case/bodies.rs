@@ -28,6 +28,8 @@ pub struct Bodies {
     pub settle: f64,
     /// How flow and bodies are solved.
     pub coupling: Coupling,
+    /// What is under bodies that rest on something.
+    pub base_pressure: BasePressure,
     /// The fluid slides along them.
     pub slip: bool,
     /// Glue.
@@ -71,6 +73,16 @@ pub enum Coupling {
     Loose,
 }
 
+/// What is under a body that rests on the bottom or on another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BasePressure {
+    /// Water, as deep as beside it.
+    Wet,
+    /// Nothing: the water presses it down.
+    Dry,
+}
+
 /// What carries compression across a bonded face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -88,6 +100,8 @@ pub struct Bond {
     pub strength: f64,
     /// δ_f [m].
     pub opening: f64,
+    /// Share of a face that is glued.
+    pub area: f64,
     /// Integration points along each side of a face.
     pub points: u32,
     /// After the opening shrinks.

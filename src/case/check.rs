@@ -53,7 +53,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
         None => free_surface(&mut FreeSurfaceTable::default(), paper)?,
     };
     let flow = flow(&mut file, paper)?;
-    let solver = solver(&file)?;
+    let solver = solver(&mut file)?;
     let output = output(&mut file, &mesh, time.end)?;
     let gauges = file.gauge.iter().enumerate().map(|(i, g)| gauge(i, g, &file.gauge[..i]));
     let gauges = gauges.collect::<Result<_, _>>()?;
@@ -219,10 +219,13 @@ fn flow(file: &mut CaseFile, paper: bool) -> Result<Flow, Problem> {
     })
 }
 
-fn solver(file: &CaseFile) -> Result<Solver, Problem> {
-    let solver = &file.solver;
+fn solver(file: &mut CaseFile) -> Result<Solver, Problem> {
+    let start = if file.air.is_some() { 1e-11 } else { 1e-6 };
+    let solver = &mut file.solver;
+    let start = *solver.start_tolerance.get_or_insert(start);
     Ok(Solver {
         tolerance: between("solver.tolerance", solver.tolerance, 0.0, 1.0)?,
+        start_tolerance: between("solver.start_tolerance", start, 0.0, 1.0)?,
         phase_tolerance: between("solver.phase_tolerance", solver.phase_tolerance, 0.0, 1.0)?,
         max_iterations: at_least_one("solver.max_iterations", solver.max_iterations)?,
     })

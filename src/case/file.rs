@@ -430,6 +430,10 @@ pub struct TimeTable {
 pub struct SolverTable {
     /// Residual at which the flow solve stops, relative to that of the previous step's solution.
     pub tolerance: f64,
+    /// The same for the first two steps, which begin without a pressure (default 1e-11 with air, so that still
+    /// water starts still, 1e-6 without).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_tolerance: Option<f64>,
     /// The same for the free surface.
     pub phase_tolerance: f64,
     /// A solve that needs more iterations ends the run.
@@ -438,7 +442,7 @@ pub struct SolverTable {
 
 impl Default for SolverTable {
     fn default() -> Self {
-        Self { tolerance: 1e-3, phase_tolerance: 1e-8, max_iterations: 200 }
+        Self { tolerance: 1e-3, start_tolerance: None, phase_tolerance: 1e-8, max_iterations: 200 }
     }
 }
 

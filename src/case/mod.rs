@@ -10,7 +10,7 @@ pub mod nearest;
 mod reader;
 pub mod sources;
 
-pub use bodies::{Bodies, Compression, Coupling, Unloading};
+pub use bodies::{BasePressure, Bodies, Compression, Coupling, Unloading};
 pub use error::{CaseError, Source};
 pub use file::CaseFile;
 pub use formula::Formula;
@@ -260,6 +260,8 @@ pub struct Flow {
 pub struct Solver {
     /// Flow: residual relative to that of the previous step's solution.
     pub tolerance: f64,
+    /// Flow, in its first two steps.
+    pub start_tolerance: f64,
     /// Phase: likewise.
     pub phase_tolerance: f64,
     /// Iterations after which a solve is an error.

@@ -1,6 +1,7 @@
 //! Water meets bodies (Takase et al. 2015, steps (a) to (f)): the one room that names flow and bodies both.
 //!
 //! - `structures` obstacles and bodies as the flow sees them: where they stand, and how their walls move.
+//! - `hidden` what bodies bear where they rest on something.
 //! - `added_mass` which bodies are light for the water around them.
 //! - `quasi_newton` the iteration that finds their motion and the water's together.
 //!
@@ -9,17 +10,20 @@
 //! coupling repeats flow and bodies of the step until the walls move as the bodies do.
 
 pub mod added_mass;
+pub mod hidden;
 pub mod quasi_newton;
 pub mod structures;
 
 pub use structures::Structures;
 
 use crate::bodies::{Bodies, Load};
-use crate::case::{self, Case};
+
+use crate::case::{self, BasePressure, Case};
 use crate::cut::CutMesh;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
+use hidden::Hidden;
 use nalgebra::DVector;
 use quasi_newton::QuasiNewton;
 use std::time::{Duration, Instant};
@@ -42,6 +46,8 @@ pub struct Report {
     pub bodies: Duration,
     /// What the flow did to each structure.
     pub loads: Vec<BodyLoad>,
+    /// What each body bears where it rests on something.
+    pub hidden: Vec<Load>,
 }
 
 /// Why a step failed.
@@ -84,16 +90,32 @@ pub fn advance(
         Some(case::Coupling::Loose) | None => Vec::new(),
         Some(choice) => added_mass::light(part, cut, material, bodies, first, choice),
     };
+    let loose = match case.bodies.as_ref().map(|b| b.base_pressure) {
+        Some(BasePressure::Wet) => bodies.loose(),
+        _ => vec![false; bodies.state.len()],
+    };
+    let pass = |flow: &mut Flow, structures: &Structures, bodies: &Bodies, report: &mut Report| {
+        structures.pass(part, cut, material, flow, [t, dt], report)?;
+        let (clusters, placed) = (&bodies.world.clusters, &structures.placed);
+        let hidden = Hidden { clusters, placed, loose: &loose, first, mesh: &structures.mesh };
+        report.hidden = hidden.loads(part, cut, material, flow);
+        Ok(())
+    };
     let move_on = |bodies: &mut Bodies, report: &mut Report| {
         let clock = Instant::now();
-        let loads: Vec<Load> = report.loads[first..].iter().map(structures::on_body).collect();
+        let seen = report.loads[first..].iter().map(structures::on_body);
+        let both = seen.zip(&report.hidden).map(|(seen, hidden)| Load {
+            force: seen.force + hidden.force,
+            torque: seen.torque + hidden.torque,
+        });
+        let loads: Vec<Load> = both.collect();
         bodies.advance(dt, &loads);
         report.bodies += clock.elapsed();
         bodies.placed()
     };
     if light.is_empty() {
         report.passes = 1;
-        structures.pass(part, cut, material, flow, [t, dt], &mut report)?;
+        pass(flow, structures, bodies, &mut report)?;
         structures.placed = move_on(bodies, &mut report);
         return Ok(report);
     }
@@ -102,7 +124,7 @@ pub fn advance(
     let g = crate::fem::norm(case.gravity);
     let mut newton = QuasiNewton::new(&light);
     loop {
-        structures.pass(part, cut, material, flow, [t, dt], &mut report)?;
+        pass(flow, structures, bodies, &mut report)?;
         let moved = move_on(bodies, &mut report);
         report.passes += 1;
         let wanted = added_mass::velocities(&light, &moved);

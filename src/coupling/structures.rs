@@ -1,13 +1,17 @@
 //! Obstacles and bodies as the flow sees them.
 
 use super::{Failure, Report};
-use crate::bodies::{Bodies, Cluster, Load, Placed};
+use crate::bodies::cohesion::Joint;
+use crate::bodies::{Bodies, Load, Placed};
 use crate::case::Case;
-use crate::cut::level_set::{LevelSet, Nodes, Solid, nearest};
-use crate::cut::{CutMesh, Motion, Surface, Wall};
+use crate::cut::level_set::{Bridge, LevelSet, Nodes, Solid, nearest};
+use crate::cut::{CutElement, CutMesh, Motion, Surface, Wall};
+use crate::fem::dot;
 use crate::flow::{BodyLoad, Flow, Material};
 use crate::mesh::MeshPart;
 use crate::obstacles::Obstacles;
+use crate::shape::Bounds;
+use nalgebra::Vector3;
 
 /// All of them: obstacles first, then bodies.
 #[derive(Clone, Debug)]
@@ -16,6 +20,8 @@ pub struct Structures {
     nodes: Nodes,
     /// How bodies hold the fluid.
     wall: Wall,
+    /// Around the mesh.
+    pub mesh: Bounds,
     /// Where each body stands, and how its wall moves over the step.
     pub placed: Vec<Placed>,
 }
@@ -32,6 +38,7 @@ impl Structures {
         Self {
             obstacles,
             nodes: Nodes::new(part),
+            mesh: bounds(part),
             wall: if slip { Wall::Slip } else { Wall::NoSlip },
             placed: bodies.map_or(Vec::new(), Bodies::placed),
         }
@@ -57,14 +64,17 @@ impl Structures {
         self.obstacles.names()
     }
 
-    /// Largest speed of a wall over the step [m/s].
-    pub fn speed(&self, bodies: Option<&Bodies>, t: f64, dt: f64) -> f64 {
-        let clusters = bodies.map_or(&[][..], |b| &b.world.clusters);
-        let speed = |(placed, cluster): (&Placed, &Cluster)| {
-            placed.twist.velocity.norm() + placed.twist.spin.norm() * cluster.form.radius
+    /// Cells that the fastest wall crosses a second: its speed across over the cell's size that way. Collective.
+    pub fn crossing_rate(&self, part: &MeshPart, cut: &CutMesh, t: f64, dt: f64) -> f64 {
+        let surfaces = self.surfaces(t, dt);
+        let rate = |c: &CutElement| {
+            let n = c.pieces.normal;
+            let along = part.mesh.corners(c.element as usize).map(|x| dot(x, n));
+            let size = along.iter().fold(f64::NEG_INFINITY, |m, &s| m.max(s))
+                - along.iter().fold(f64::INFINITY, |m, &s| m.min(s));
+            dot(surfaces[c.body as usize].motion.at(c.x), n).abs() / size
         };
-        let bodies = self.placed.iter().zip(clusters).map(speed);
-        bodies.fold(self.obstacles.speed(t, dt), f64::max)
+        part.max(cut.owned(part).map(rate).fold(0.0, f64::max))
     }
 
     /// The mesh as they leave it: obstacles where they are at time `t`, bodies where they stand. Collective.
@@ -73,6 +83,7 @@ impl Structures {
             return CutMesh::whole();
         }
         let mut solids = self.obstacles.solids(t);
+        let mut bridges = Vec::new();
         if let Some(bodies) = bodies {
             let clusters = bodies.world.clusters.iter().zip(&self.placed);
             solids.extend(clusters.map(|(cluster, placed)| Solid {
@@ -80,9 +91,33 @@ impl Structures {
                 pose: placed.pose,
                 outside_in: false,
             }));
+            bridges = self.bridges(bodies);
         }
-        let levels = LevelSet::new(part, &self.nodes, &solids);
+        let levels = LevelSet::new(part, &self.nodes, &solids, &bridges);
         CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+    }
+
+    /// Where joints hold. Collective.
+    fn bridges(&self, bodies: &Bodies) -> Vec<Bridge> {
+        let (joints, holding) = (&bodies.joints, bodies.holding());
+        let bounds = |c: u32| {
+            let c = c as usize;
+            bodies.world.clusters[c].form.bounds_at(&self.placed[c].pose)
+        };
+        let bridge = |joint: &Joint, prism: &[(Vector3<f64>, f64)]| {
+            let pose = &self.placed[joint.a as usize].pose;
+            let sides = prism.iter().map(|&(n, offset)| {
+                let n = pose.rotation * n;
+                (n, offset + n.dot(&pose.position))
+            });
+            Bridge {
+                sides: sides.collect(),
+                bounds: bounds(joint.a).joined(&bounds(joint.b)),
+                gap: joints.laws[joint.law as usize].opening,
+            }
+        };
+        let all = joints.joints.iter().zip(&joints.prisms).zip(holding);
+        all.filter(|(_, holds)| *holds).map(|((j, prism), _)| bridge(j, prism)).collect()
     }
 
     /// Their walls over the step from `t` to `t + dt`.
@@ -119,6 +154,12 @@ impl Structures {
         report.loads = flow.loads(part, cut, material, &surfaces);
         Ok(())
     }
+}
+
+/// Around the whole mesh. Collective.
+fn bounds(part: &MeshPart) -> Bounds {
+    let mine = Bounds::of(part.mesh.nodes.iter().map(|&x| x.into()));
+    Bounds { min: mine.min.map(|x| -part.max(-x)), max: mine.max.map(|x| part.max(x)) }
 }
 
 /// The weak form's own reaction: what the water loses, the body gets.

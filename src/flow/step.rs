@@ -26,10 +26,6 @@ use std::time::{Duration, Instant};
 
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
-/// Tolerance of those first steps, which start from no pressure at all: with a free surface so tight
-/// that still water starts still.
-const START_TOLERANCE: f64 = 1e-6;
-const START_TOLERANCE_FREE_SURFACE: f64 = 1e-11;
 /// A residual this small beside the right-hand side is rounding.
 const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
@@ -71,6 +67,10 @@ pub struct Flow {
     constrained_entries: Vec<(u32, u32, u32)>,
     rhs: Vec<[f64; 4]>,
     x: Vec<[f64; 4]>,
+    /// What the solve of this step began with, if the step is done again.
+    again: Option<f64>,
+    /// The same, whether it is or not.
+    began: f64,
     a: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
     graph: NodeGraph,
@@ -147,10 +147,7 @@ impl Flow {
             steps: 0,
             constraints,
             tolerance: case.solver.tolerance,
-            start_tolerance: match case.gas {
-                Some(_) => START_TOLERANCE_FREE_SURFACE,
-                None => START_TOLERANCE,
-            },
+            start_tolerance: case.solver.start_tolerance,
             wall: case.flow.wall_penalty.map_or(Method::Nitsche, Method::Penalty),
             max_iterations: case.solver.max_iterations,
             picard: case.flow.iterations.max(1),
@@ -159,6 +156,8 @@ impl Flow {
             smallest,
             rhs: vec![[0.0; 4]; n],
             x: vec![[0.0; 4]; n],
+            again: None,
+            began: 0.0,
             a: vec![[0.0; 3]; n],
             nodal_force: Vec::new(),
             matrix: BlockCsr::zero(&graph.pattern),
@@ -226,12 +225,16 @@ impl Flow {
         }
         self.evaluate_body_force(part, t + theta * dt);
 
-        // The previous solution, with what the boundaries give at the new time, is the first guess.
-        let mut u = self.u.clone();
-        let mut p = self.p.clone();
-        self.constraints.impose(part, t + dt, t + 0.5 * dt, &mut u, &mut p);
-        for (x, (u, p)) in self.x.iter_mut().zip(u.iter().zip(&p)) {
-            *x = [u[0], u[1], u[2], *p];
+        // The previous solution, with what the boundaries give at the new time, is the first guess; in a step
+        // done again, the solution found for it before.
+        let again = self.again.take();
+        if again.is_none() {
+            let mut u = self.u.clone();
+            let mut p = self.p.clone();
+            self.constraints.impose(part, t + dt, t + 0.5 * dt, &mut u, &mut p);
+            for (x, (u, p)) in self.x.iter_mut().zip(u.iter().zip(&p)) {
+                *x = [u[0], u[1], u[2], *p];
+            }
         }
 
         let mut report = FlowReport::default();
@@ -252,11 +255,11 @@ impl Flow {
                 viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
             });
             self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
-            let solved = self.solve(starting)?;
+            let solved = self.solve(starting, again)?;
             report.solve += clock.elapsed();
             report.iterations += solved.iterations;
             if pass == 0 {
-                report.initial_residual = solved.initial;
+                report.initial_residual = again.unwrap_or(solved.initial);
             }
             report.residual = solved.residual;
             part.exchange.update_ghosts(&mut self.x);
@@ -270,6 +273,7 @@ impl Flow {
         [report.kinetic, report.potential] = self.find_fine_scale(part, cut, material, dt, theta);
         self.dt_old = dt;
         self.steps += 1;
+        self.began = report.initial_residual;
         Ok(report)
     }
 
@@ -285,29 +289,29 @@ impl Flow {
         }
     }
 
-    /// Back to what was saved.
+    /// Back to what was saved, to do the last step again with walls that move a little differently.
     pub fn restore(&mut self, saved: &Saved) {
         self.u.clone_from(&saved.u);
         self.u_old.clone_from(&saved.u_old);
         self.p.clone_from(&saved.p);
         self.fine_scale.clone_from(&saved.fine_scale);
         (self.dt_old, self.steps) = (saved.dt_old, saved.steps);
+        self.again = Some(self.began);
     }
 
     /// Residuals are measured as power: |r_u|²/a + r_p²/l, with the diagonals of the momentum rows
     /// and of the pressure operator.
-    fn solve(&mut self, starting: bool) -> Result<Converged, Diverged> {
+    fn solve(&mut self, starting: bool, again: Option<f64>) -> Result<Converged, Diverged> {
         residual_weights(&self.matrix, &self.pressure, &mut self.weights);
         let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
         let rhs = self.rhs.as_flattened();
 
+        let relative =
+            if starting { self.tolerance.min(self.start_tolerance) } else { self.tolerance };
+        // A step done again is solved as well as it was, not better.
         let settings = KrylovSettings {
-            relative: if starting {
-                self.tolerance.min(self.start_tolerance)
-            } else {
-                self.tolerance
-            },
-            absolute: FLOOR * product.dot(rhs, rhs).sqrt(),
+            relative: if again.is_some() { 0.0 } else { relative },
+            absolute: (FLOOR * product.dot(rhs, rhs).sqrt()).max(again.unwrap_or(0.0) * relative),
             max_iterations: self.max_iterations,
             restart: RESTART,
         };

@@ -95,6 +95,24 @@ pub struct Workspace {
 /// Orthogonalise a second time when so much of a squared norm has cancelled.
 const CANCELLED: f64 = 1e-2;
 
+/// A restart that leaves more than this of the residual is followed by one with twice as many directions, up to
+/// `MORE` times those asked for: a few bad cells cost a few directions, not the solve.
+const SLOW: f64 = 0.5;
+const MORE: usize = 4;
+
+impl Workspace {
+    /// For `m` directions of length `n`.
+    fn make_room(&mut self, n: usize, m: usize) {
+        self.basis.resize((m + 1) * n, 0.0);
+        self.preconditioned.resize(m * n, 0.0);
+        self.z.resize(n, 0.0);
+        self.hessenberg.resize(m * (m + 2), 0.0);
+        self.again.resize(m + 2, 0.0);
+        self.givens.resize(m, [0.0; 2]);
+        self.g.resize(m + 1, 0.0);
+    }
+}
+
 /// Flexible GMRES(restart) from the initial guess in `x`. With a fixed preconditioner it is GMRES.
 ///
 /// `b`, `x` of local length. On `Err`, `x` holds the last iterate, unless it was not finite.
@@ -107,14 +125,9 @@ pub fn fgmres(
     settings: &KrylovSettings,
     work: &mut Workspace,
 ) -> Result<Converged, Diverged> {
-    let (n, m) = (x.len(), settings.restart.max(1) as usize);
-    work.basis.resize((m + 1) * n, 0.0);
-    work.preconditioned.resize(m * n, 0.0);
-    work.z.resize(n, 0.0);
-    work.hessenberg.resize(m * (m + 2), 0.0);
-    work.again.resize(m + 2, 0.0);
-    work.givens.resize(m, [0.0; 2]);
-    work.g.resize(m + 1, 0.0);
+    let (n, mut m) = (x.len(), settings.restart.max(1) as usize);
+    let most = MORE * m;
+    work.make_room(n, m);
 
     let mut residual = residual(A, product, b, x, &mut work.basis[..n]);
     let initial = residual;
@@ -177,8 +190,13 @@ pub fn fgmres(
         }
         let before = residual;
         residual = self::residual(A, product, b, x, &mut work.basis[..n]);
-        if residual > target && residual > 0.99 * before {
-            return Err(fail(Reason::Stagnated, iterations, residual));
+        if residual > target && residual > SLOW * before {
+            if m < most {
+                m *= 2;
+                work.make_room(n, m);
+            } else if residual > 0.99 * before {
+                return Err(fail(Reason::Stagnated, iterations, residual));
+            }
         }
     }
 }

@@ -9,11 +9,12 @@ use io::vtkhdf::{FieldsFile, FieldsMesh};
 use std::path::Path;
 
 /// Columns of history.csv.
-const HISTORY: [(&str, &str); 15] = [
+const HISTORY: [(&str, &str); 16] = [
     ("step", ""),
     ("t", "s"),
     ("dt", "s"),
     ("courant", ""),
+    ("passes", ""),
     ("flow_iterations", ""),
     ("flow_residual", ""),
     ("phase_iterations", ""),

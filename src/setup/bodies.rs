@@ -97,8 +97,10 @@ pub fn bodies(
             damping: bond.damping,
         });
         let pairs = touching::close_pairs(&state, &world, &bonded, bond.gap);
-        for face in touching::common_faces(&state, &world, &pairs, bond.points, bond.gap) {
-            joints.add(&state, &world, face.clusters, face.normal, 0, &face.points);
+        let faces = touching::common_faces(&state, &world, &pairs, bond.points, bond.gap);
+        for mut face in faces {
+            face.points.iter_mut().for_each(|(_, area)| *area *= bond.area);
+            joints.add(&state, &world, &face, 0);
         }
     }
     for (c, velocity, spin) in moving {

@@ -77,6 +77,11 @@ impl Bounds {
         bounds
     }
 
+    /// Around both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+    }
+
     /// Moved outwards by `margin` [m].
     pub fn inflated(&self, margin: f64) -> Self {
         let m = Vector3::repeat(margin);

@@ -1,6 +1,8 @@
 //! Bodies in water: the same on any number of ranks.
 
 use super::simulation::start;
+use fcm_fsi::bodies::Placed;
+use fcm_fsi::simulation::Simulation;
 use partition::Communicator;
 
 /// A column of water falls onto two glued boxes, light for it, that stand across the ranks' borders.
@@ -14,11 +16,54 @@ pub fn boxes_in_a_wave(comm: &Communicator) {
         let (a, b) = (shared.step(dt).unwrap(), alone.step(dt).unwrap());
         assert!(a.passes > 1 && a.passes == b.passes, "step {step}: {} {}", a.passes, b.passes);
     }
-    let placed = |run: &fcm_fsi::simulation::Simulation| run.bodies.as_ref().unwrap().placed();
-    for (a, b) in placed(&shared).iter().zip(placed(&alone)) {
+    compare(&shared, &alone);
+    let moved = |b: &Placed| b.twist.velocity.norm() > 1e-3;
+    assert!(alone.bodies.unwrap().placed().iter().all(moved), "they have not moved");
+}
+
+/// Bodies stand and move alike.
+fn compare(shared: &Simulation, alone: &Simulation) {
+    let placed = |run: &Simulation| run.bodies.as_ref().unwrap().placed();
+    for (a, b) in placed(shared).iter().zip(placed(alone)) {
         let apart = (a.pose.position - b.pose.position).norm();
         let speeds = (a.twist.velocity - b.twist.velocity).norm();
-        assert!(b.twist.velocity.norm() > 1e-3, "they have not moved");
         assert!(apart < 1e-9 && speeds < 1e-6, "{apart:e} m, {speeds:e} m/s apart");
+    }
+}
+
+/// Half a column falls onto a wall of glued blocks that are light for it.
+const WALL: &str = include_str!("../wall_in_a_wave.toml");
+
+/// When faces came off, and which, in time. Collective.
+fn breaks(run: &Simulation) -> Vec<(f64, u32)> {
+    let bodies = run.bodies.as_ref().unwrap();
+    let mine: Vec<[f64; 2]> = bodies.breaks.iter().map(|b| [b.t, b.joint.into()]).collect();
+    let mut all = run.part.comm.all_gather(&mine).concat();
+    all.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    all.into_iter().map(|[t, joint]| (t, joint as u32)).collect()
+}
+
+/// The same motion until the first face comes off; then the same ten faces in the same order, but for those that
+/// do within two sub-steps of each other.
+pub fn a_wall_in_a_wave_breaks_alike(comm: &Communicator) {
+    let (mut shared, mut alone) = (start(WALL, comm), start(WALL, &Communicator::single()));
+    let dt = 0.008;
+    let [mut a, mut b] = [Vec::new(), Vec::new()];
+    while a.len().min(b.len()) < 10 {
+        assert!(alone.clock.t < 0.4, "{} faces have come off", b.len());
+        shared.step(dt).unwrap();
+        alone.step(dt).unwrap();
+        (a, b) = (breaks(&shared), breaks(&alone));
+        if b.is_empty() {
+            compare(&shared, &alone);
+        }
+    }
+    let tie = 2.0 * alone.bodies.as_ref().unwrap().sub_steps(dt).0;
+    let at = |joint: u32| a[..10].iter().position(|other| other.1 == joint);
+    for (i, first) in b[..10].iter().enumerate() {
+        assert!(at(first.1).is_some(), "{first:?} is not among {a:?}");
+        for then in b[i + 1..10].iter().filter(|then| then.0 - first.0 > tie) {
+            assert!(at(first.1) < at(then.1), "{a:?} instead of {b:?}");
+        }
     }
 }

@@ -19,7 +19,7 @@ fn boxes(comm: &Communicator, n: [usize; 3], h: f64) -> [MeshPart; 2] {
 }
 
 fn halo<const B: usize>(part: &MeshPart, graph: &BlockCsr<B>) -> Halo {
-    Halo::new(&part.comm, &part.nodes, &part.exchange, graph)
+    Halo::new(&part.comm, &part.nodes, &part.exchange, &graph.pattern)
 }
 
 /// Noise by global id; ghosts are NaN, as no one may read them.

@@ -50,6 +50,7 @@ const BODIES: &[(&str, Body)] = &[
     ("a_wall_breaks_alike", bodies::a_wall_breaks_alike),
     ("loose_bodies_cross_borders", bodies::loose_bodies_cross_borders),
     ("boxes_in_a_wave", coupling::boxes_in_a_wave),
+    ("a_wall_in_a_wave_breaks_alike", coupling::a_wall_in_a_wave_breaks_alike),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
 ];
 

@@ -2,10 +2,10 @@
 
 use fcm_fsi::case::{BoxMesh, FreeSurface, Regularisation, Solver, VolumeCorrection};
 use fcm_fsi::cut::CutMesh;
-use fcm_fsi::linear::NodeGraph;
 use fcm_fsi::mesh::boxes::box_mesh;
 use fcm_fsi::mesh::{Mesh, MeshPart};
 use fcm_fsi::phase::{Phase, VolumeReport, delta, initial};
+use fcm_fsi::setup;
 use partition::Communicator;
 
 /// 1 × 0.5 × 0.5 of 20 × 10 × 10 cells, inner nodes moved.
@@ -33,8 +33,13 @@ fn run(part: &MeshPart, settings: &FreeSurface) -> (Phase, Vec<VolumeReport>) {
     let from: Vec<f64> = part.mesh.nodes.iter().map(|x| distance(*x)).collect();
     let h = initial::cell_size(part, &from);
     let phi = initial::profile(&from, delta(settings, h));
-    let solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-13, max_iterations: 200 };
-    let graph = NodeGraph::new(&part.comm, &part.nodes, &part.exchange, &part.mesh.tets);
+    let solver = Solver {
+        tolerance: 1e-3,
+        start_tolerance: 1e-11,
+        phase_tolerance: 1e-13,
+        max_iterations: 200,
+    };
+    let graph = setup::graph(part);
     let mut phase =
         Phase::new(part, &CutMesh::whole(), &graph, settings, &solver, h, phi, Vec::new());
     let u: Vec<[f64; 3]> = part.mesh.nodes.iter().map(|x| velocity(*x)).collect();

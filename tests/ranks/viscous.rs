@@ -28,7 +28,8 @@ pub fn viscous_flow_on_ranks(comm: &Communicator) {
         let line: Vec<f64> = (0..=10).map(|i| 0.1 * f64::from(i)).collect();
         let mesh = (comm.rank() == 0).then(|| tensor_box([&line; 3]));
         let part = MeshPart::distribute(comm, mesh, 0).unwrap();
-        let mut flow = setup::flow(&case, &part, &CutMesh::whole()).expect("a flow");
+        let graph = setup::graph(&part);
+        let mut flow = setup::flow(&case, &part, &CutMesh::whole(), &graph).expect("a flow");
         let material = setup::material(&case, &part, None);
         let counts: Vec<u32> = (0..4)
             .map(|i| {

@@ -72,8 +72,7 @@ impl Scene {
         let n = self.state.len() as u32;
         let pairs: Vec<[u32; 2]> = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b])).collect();
         for face in touching::common_faces(&self.state, &self.world, &pairs, across, 1e-9) {
-            let [a, b] = face.clusters;
-            self.joints.add(&self.state, &self.world, [a, b], face.normal, 0, &face.points);
+            self.joints.add(&self.state, &self.world, &face, 0);
         }
     }
 

@@ -9,7 +9,9 @@ use super::super::file::bodies::{BodyTable, Freedom, WallTable};
 use super::super::file::{CaseFile, Condition, Expression};
 use super::super::formula::Formula;
 use super::super::nearest::did_you_mean;
-use super::values::{Reader, at_least_one, between, finite_vector, not_negative, positive, refuse};
+use super::values::{
+    Reader, at_least_one, between, finite_vector, not_negative, positive, refuse, share,
+};
 use std::path::Path;
 
 /// The material of whatever does not name one.
@@ -48,6 +50,7 @@ pub fn check(
             Some(Bond {
                 strength: positive("bodies.bond.strength", bond.strength)?,
                 opening: positive("bodies.bond.opening", bond.opening)?,
+                area: share("bodies.bond.area", bond.area)?,
                 points: at_least_one("bodies.bond.points", bond.points)?,
                 unloading: bond.unloading,
                 compression: *bond.compression.get_or_insert(compression),
@@ -72,6 +75,7 @@ pub fn check(
         } else {
             Coupling::Auto
         }),
+        base_pressure: table.base_pressure,
         slip: table.slip,
         bond,
         bodies: Vec::new(),

@@ -39,6 +39,14 @@ pub fn between(key: &str, x: f64, low: f64, high: f64) -> Result<f64, Problem> {
     }
 }
 
+pub fn share(key: &str, x: f64) -> Result<f64, Problem> {
+    if x > 0.0 && x <= 1.0 {
+        Ok(x)
+    } else {
+        refuse(key, format!("must lie above 0 and not above 1, is {x}"))
+    }
+}
+
 pub fn at_least_one(key: &str, n: u32) -> Result<u32, Problem> {
     if n >= 1 { Ok(n) } else { refuse(key, "must be at least 1, is 0") }
 }

@@ -1,7 +1,7 @@
 //! The tables about bodies, as typed: `[bodies]`, `[[body]]`, `[[wall]]`, `[[contact]]`.
 
 use super::{Condition, Expression};
-use crate::case::{Compression, Coupling, Unloading};
+use crate::case::{BasePressure, Compression, Coupling, Unloading};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +39,9 @@ pub struct BodiesTable {
     /// strong together for all bodies in water, loose one after the other (preset "paper").
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<Coupling>,
+    /// Under a body that rests on something there is water (wet, default) or not (dry).
+    #[serde(default = "wet")]
+    pub base_pressure: BasePressure,
     /// The fluid slides along the bodies instead of sticking to them.
     #[serde(default)]
     pub slip: bool,
@@ -47,6 +50,9 @@ pub struct BodiesTable {
     pub bond: Option<BondTable>,
 }
 
+fn wet() -> BasePressure {
+    BasePressure::Wet
+}
 fn stiffness() -> f64 {
     1e7
 }
@@ -68,6 +74,9 @@ pub struct BondTable {
     pub strength: f64,
     /// Distance at which a bond is broken for good [m].
     pub opening: f64,
+    /// How much of a face is glued, from 0 to 1.
+    #[serde(default = "whole")]
+    pub area: f64,
     /// Integration points along each side of a face.
     #[serde(default = "four")]
     pub points: u32,
@@ -85,6 +94,9 @@ pub struct BondTable {
     pub gap: Option<f64>,
 }
 
+fn whole() -> f64 {
+    1.0
+}
 fn four() -> u32 {
     4
 }
