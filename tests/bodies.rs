@@ -1,7 +1,7 @@
 //! Whole structures from case files: bending, fragments, energy, restart of the state.
 
 use fcm_fsi::bodies::cohesion_law::BROKEN;
-use fcm_fsi::bodies::{Bodies, Load};
+use fcm_fsi::bodies::{Bodies, Break, Load};
 use fcm_fsi::case::{Case, Sources};
 use fcm_fsi::setup::bodies::bodies;
 use partition::Communicator;
@@ -138,7 +138,7 @@ fn fragments_break_where_they_are_hit() {
     assert!(x_left < -0.05 && x_right > 0.05, "{x_left}, {x_right}");
 }
 
-/// An L of an STL file in pieces: mass, glue, and a message where the file is open.
+/// An L of an STL file in pieces: mass, glue, different paths for different blows, a message where it is open.
 #[test]
 fn a_solid_of_a_file_is_fragmented() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -147,11 +147,11 @@ fn a_solid_of_a_file_is_fragmented() {
     let at = |k: usize, z: f64| [outline[k % 6][0], outline[k % 6][1], z];
     for [a, b, c] in [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]] {
         triangles.push([at(a, 0.0), at(c, 0.0), at(b, 0.0)]);
-        triangles.push([at(a, 0.8), at(b, 0.8), at(c, 0.8)]);
+        triangles.push([at(a, 0.75), at(b, 0.75), at(c, 0.75)]);
     }
     for k in 0..6 {
-        triangles.push([at(k, 0.0), at(k + 1, 0.0), at(k + 1, 0.8)]);
-        triangles.push([at(k, 0.0), at(k + 1, 0.8), at(k, 0.8)]);
+        triangles.push([at(k, 0.0), at(k + 1, 0.0), at(k + 1, 0.75)]);
+        triangles.push([at(k, 0.0), at(k + 1, 0.75), at(k, 0.75)]);
     }
     let text_of = |triangles: &[[[f64; 3]; 3]]| {
         let mut text = "solid s\n".to_string();
@@ -184,12 +184,35 @@ fn a_solid_of_a_file_is_fragmented() {
     };
     let mut bodies = start_in(folder, &case("angle.stl")).unwrap();
     let mass: f64 = bodies.world.clusters.iter().map(|c| c.mass).sum();
-    // The file's numbers have seven digits.
-    assert!((mass / (2000.0 * 2.4) - 1.0).abs() < 1e-7, "{mass}");
+    assert!((mass / (2000.0 * 2.25) - 1.0).abs() < 1e-12, "{mass}");
     assert!(bodies.state.len() > 10 && bodies.joints.joints.len() > bodies.state.len());
     // It stands on the ground as one.
     advance(&mut bodies, 0.05);
     assert!(bodies.breaks.is_empty());
+
+    // Hit on the side of one leg or of the other, it breaks there.
+    let hit = |at: [f64; 3], velocity: [f64; 3]| {
+        let ball = format!(
+            "
+            [[body]]
+            name = 'ball'
+            sphere = 0.2
+            at = {at:?}
+            velocity = {velocity:?}
+            density = 8000"
+        );
+        let mut bodies = start_in(folder, &(case("angle.stl") + &ball)).unwrap();
+        advance(&mut bodies, 0.03);
+        let broken: Vec<u32> = bodies.breaks.iter().map(|b| b.joint).collect();
+        assert!(broken.len() > 2 && broken.len() < bodies.joints.joints.len(), "{}", broken.len());
+        let way = |b: &Break| b.place.x - b.place.y;
+        (broken, bodies.breaks.iter().map(way).sum::<f64>())
+    };
+    let (along_x, x) = hit([1.7, -0.21, 0.375], [0.0, 15.0, 0.0]);
+    let (along_y, y) = hit([-0.21, 1.7, 0.375], [15.0, 0.0, 0.0]);
+    assert_ne!(along_x, along_y);
+    assert!(x > 0.0 && y < 0.0, "{x}, {y}");
+
     let wrong = start_in(folder, &case("open.stl")).unwrap_err();
     assert!(wrong.starts_with("case.toml:") && wrong.contains("body[1].file"), "{wrong}");
     assert!(wrong.contains("not closed: 3 edges"), "{wrong}");
