@@ -186,12 +186,13 @@ impl Simulation {
     pub fn new(case: Case, comm: &Communicator) -> Result<Self, SetupError> {
         let (part, quality) = setup::mesh(&case, comm)?;
         let balance = Balance::of(&part);
-        let gauges = Some(Gauges::new(&case, &part)?);
         let inflow = Inflow::new(&case, &part);
         let obstacles = Obstacles::new(&case, &part)?;
         let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
         let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
+        let solid = if structures.move_at_all() { &[][..] } else { &cut.dry_nodes };
+        let gauges = Some(Gauges::new(&case, &part, solid)?);
         let graph = setup::graph(&part);
         let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
@@ -422,6 +423,7 @@ impl Simulation {
             p: self.flow.as_ref().map_or(&[], |flow| &flow.p),
             phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
             distance: &self.cut.distance,
+            dry: &self.cut.dry_nodes,
             loads: &self.loads[..self.structures.first_body()],
         }
     }

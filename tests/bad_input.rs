@@ -234,6 +234,32 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
     ("jitter = 0.1", "file = \"in.csv\"", ":7: mesh.file: the mesh is a box or a file, not both"),
     ("\"P1\"", "\"H1\"", ":45: gauge[2].name: another gauge is called \"H1\" too"),
     ("pressure = [1, 0.5, 0.1]", "", ":44: gauge[2]: needs one of water_level, pressure, velocity"),
+    // Structures.
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\ncuboid = [0.8, 0.6, 3]\nat = [1, 0.5, 0.5]\n\n[[gauge]]\nname = \"H1\"",
+        ":51: gauge[2].pressure: (1, 0.5, 0.1) lies inside a structure",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\nsphere = -1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: obstacle[1].sphere: must be greater than 0, is -1",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\nspere = 1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: obstacle[1].spere: unknown key; did you mean \"sphere\"?",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\n\n[[gauge]]\nname = \"H1\"",
+        ":40: obstacle[1]: needs one of cuboid, sphere, cylinder, surface, terrain",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\nsurface = \"pier.stl\"\n\n[[gauge]]\nname = \"H1\"",
+        ":42: obstacle[1].surface: FOLDER/pier.stl: No such file or directory (os error 2)",
+    ),
     // Tables.
     ("in.csv", "out.csv", ":12: boundaries.x_max.wave_maker: out.csv: no such file"),
     (

@@ -208,6 +208,12 @@ pub enum MeshError {
         /// What the reader says.
         reason: String,
     },
+    /// A point where there is no fluid.
+    #[error("({}, {}, {}) lies inside a structure", at[0], at[1], at[2])]
+    InStructure {
+        /// [m]
+        at: [f64; 3],
+    },
     /// A point outside the mesh.
     #[error("({}, {}, {}) lies outside the mesh", at[0], at[1], at[2])]
     Outside {

@@ -1,4 +1,5 @@
-//! Gauges: water along lines, pressure and velocity at points, anywhere in the mesh.
+//! Gauges: water along lines, pressure and velocity at points, anywhere in the mesh. Inside a structure there is no
+//! water, and no pressure or velocity: NaN.
 
 use crate::case::{Case, CaseError, GaugeKind};
 use crate::mesh::chord::Stretch;
@@ -20,11 +21,11 @@ enum Gauge {
 }
 
 impl Gauges {
-    /// Finds the gauges. Collective.
+    /// Finds the gauges. `solid`: nodes that never have fluid around them. Collective.
     ///
     /// # Errors
-    /// A gauge outside the mesh: its key in the case file.
-    pub fn new(case: &Case, part: &MeshPart) -> Result<Self, CaseError> {
+    /// A gauge outside the mesh or where there is never fluid: its key in the case file.
+    pub fn new(case: &Case, part: &MeshPart, solid: &[u32]) -> Result<Self, CaseError> {
         let locator = Locator::owned(part);
         let mut this = Self { gauges: Vec::new(), columns: Vec::new() };
         for (i, gauge) in case.gauges.iter().enumerate() {
@@ -33,7 +34,11 @@ impl Gauges {
             };
             let point = |key, at| {
                 let found = locator.places(part, &[at]).map_err(|e| fail(key, e))?;
-                Ok::<_, CaseError>(found.into_iter().next().flatten())
+                let found = found.into_iter().next().flatten();
+                if part.comm.any(found.as_ref().is_some_and(|x| touches(part, x, solid))) {
+                    return Err(fail(key, MeshError::InStructure { at }));
+                }
+                Ok(found)
             };
             let name = &gauge.name;
             match gauge.kind {
@@ -58,22 +63,37 @@ impl Gauges {
         Ok(this)
     }
 
-    /// The columns' values, on every rank, of nodal φ (empty: liquid everywhere), p and u. Collective.
-    pub fn values(&self, part: &MeshPart, phi: &[f64], p: &[f64], u: &[[f64; 3]]) -> Vec<f64> {
+    /// The columns' values, on every rank, of nodal φ (empty: liquid everywhere), p and u; `dry`: nodes without fluid.
+    /// Collective.
+    pub fn values(
+        &self,
+        part: &MeshPart,
+        dry: &[u32],
+        phi: &[f64],
+        p: &[f64],
+        u: &[[f64; 3]],
+    ) -> Vec<f64> {
         let mesh = &part.mesh;
+        let is_dry = |n: usize| dry.binary_search(&(n as u32)).is_ok();
+        let at = |place: &Option<Place>, field: &dyn Fn(usize) -> f64| match place {
+            Some(x) if touches(part, x, dry) => f64::NAN,
+            Some(x) => x.value(mesh, field),
+            None => 0.0,
+        };
         let mut values = Vec::with_capacity(self.columns.len());
         for gauge in &self.gauges {
             match gauge {
                 Gauge::Water(stretches) => {
-                    let liquid = |n: usize| phi.get(n).copied().unwrap_or(1.0);
+                    let liquid =
+                        |n: usize| if is_dry(n) { 0.0 } else { phi.get(n).copied().unwrap_or(1.0) };
                     values.push(stretches.iter().map(|s| s.integral(mesh, liquid)).sum());
                 }
                 Gauge::Pressure(place) => {
-                    values.push(place.as_ref().map_or(0.0, |x| x.value(mesh, |n| p[n])));
+                    values.push(at(place, &|n| p[n]));
                 }
                 Gauge::Velocity(place) => {
                     for k in 0..3 {
-                        values.push(place.as_ref().map_or(0.0, |x| x.value(mesh, |n| u[n][k])));
+                        values.push(at(place, &|n| u[n][k]));
                     }
                 }
             }
@@ -81,4 +101,11 @@ impl Gauges {
         part.comm.sum_all(&mut values);
         values
     }
+}
+
+/// Whether the value at a place takes from one of these nodes, which ascend.
+fn touches(part: &MeshPart, place: &Place, nodes: &[u32]) -> bool {
+    let tet = &part.mesh.tets[place.element as usize];
+    let mut counts = tet.iter().zip(place.weights).filter(|(_, weight)| *weight > 1e-9);
+    counts.any(|(n, _)| nodes.binary_search(n).is_ok())
 }

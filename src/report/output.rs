@@ -41,6 +41,8 @@ pub struct Snapshot<'a> {
     pub phi: &'a [f64],
     /// Distance to the structures [m], positive in the fluid.
     pub distance: &'a [f64],
+    /// Nodes without fluid, ascending.
+    pub dry: &'a [u32],
     /// What the fluid does to each body.
     pub loads: &'a [BodyLoad],
 }
@@ -199,7 +201,7 @@ impl Output {
             if self.gauges.columns.is_empty() {
                 return Ok(());
             }
-            let values = self.gauges.values(part, now.phi, now.p, now.u);
+            let values = self.gauges.values(part, now.dry, now.phi, now.p, now.u);
             let row: Vec<f64> = std::iter::once(now.t).chain(values).collect();
             let written = self.gauge_table.as_mut().map_or(Ok(()), |table| table.row(&row));
             io::Error::agree(&part.comm, written)?;
