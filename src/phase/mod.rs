@@ -112,11 +112,12 @@ impl Phase {
         settings: &FreeSurface,
         solver: &case::Solver,
         cell: f64,
-        phi: Vec<f64>,
+        mut phi: Vec<f64>,
         open_faces: Vec<u32>,
     ) -> Self {
         let n = part.n_local();
         assert_eq!(phi.len(), n, "a value of φ for each local node");
+        dry(&mut phi, cut);
         let mut phase = Self {
             delta: delta(settings, cell),
             cell,
@@ -197,6 +198,7 @@ impl Phase {
     ) {
         let (phi, _) = self.phi.as_chunks_mut::<1>();
         coming.apply(part, phi);
+        dry(&mut self.phi, cut);
         going.hand_over(part, &mut self.excess);
         self.set_geometry(part, cut);
     }
@@ -314,6 +316,11 @@ impl Phase {
             .map(|b| volume::Body { name: b[0] as u64, target: b[1] })
             .collect();
     }
+}
+
+/// Where there is no fluid there is no liquid.
+fn dry(phi: &mut [f64], cut: &CutMesh) {
+    cut.dry_nodes.iter().for_each(|&i| phi[i as usize] = 0.0);
 }
 
 /// δ of these settings for cells of size `cell` [m].
