@@ -2,8 +2,8 @@
 
 /// Least τ_c, in h²/Δt. [7] is zero at rest, where nothing then damps the divergence that the pressure's
 /// stabilisation leaves to u_h. Times the profile's excess φ* − φ_h it is a source of φ: still air under a
-/// slanting lid would grow currents, e-fold in t √(g/H) = 7. A tenth of this is enough against it, five times as much
-/// is not felt by waves; 1/6 is the τ_c of Bazilevs et al. (2007) at rest.
+/// slanting lid would grow currents, e-fold in t √(g/H) = 7. A tenth of this is enough against it. Waves on 20 cells
+/// of depth do not feel it; on 6 cells, with 740 steps a period, five times as much takes a tenth of their height.
 const REST: f64 = 0.02;
 
 /// τ = [ (2/Δt)² + (2|u|/h)² + (4ν/h²)² ]^(-1/2)  [s]

@@ -30,8 +30,8 @@ const SUB_STEPS: [u32; 2] = [2, 6];
 const LIMIT: f64 = 1.6;
 /// −φ(1−φ), which is the overshoot, from which diffusion begins and is whole.
 const OVERSHOOT: [f64; 2] = [0.002, 0.01];
-/// Slope error |∇ψ| − 1 at which the gate is half open. Without a gate, waves on 20 cells of depth lose 6 % in ten
-/// periods, with this one 0.3 %; noise comes to rest nearly as fast as without.
+/// Slope error |∇ψ| − 1 at which the gate is half open. Without a gate, waves on 20 cells of depth lose 6 % more
+/// in ten periods, with this one 0.3 % more, than with 0.1, which leaves noise on still water half as fast again.
 const GATE: f64 = 0.03;
 
 /// λ_e = λ_max(Σ_i r_i ∇N_i ∇N_iᵀ) of every element [1/m²], where r_i is the volume of fluid around node i over
