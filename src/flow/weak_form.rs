@@ -66,7 +66,13 @@ impl Element {
         let a = fluid.mean(&self.a);
         let nu = self.material.mu / self.material.rho;
         let (speed, h) = (norm(a), self.geometry.size());
-        Parameters { a, tau: tau(self.dt, speed, h, nu), tau_c: tau_c(speed, h, nu), speed, h }
+        Parameters {
+            a,
+            tau: tau(self.dt, speed, h, nu),
+            tau_c: tau_c(self.dt, speed, h, nu),
+            speed,
+            h,
+        }
     }
 
     /// Matrix, right-hand side and pressure operator, integrated over the fluid part, the pressure's

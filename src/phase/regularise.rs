@@ -4,7 +4,7 @@
 //!     m_i Δφ_i = −(Δt/k) Σ_e V_e ∇N_i·s_e r_e,   s_e = Γ w(q) q G,   r = d n̄ + max(−d, 0) (∇ψ_h − (1+d) n̄)
 //! ```
 //!
-//! with `q = min φ(1−φ)` over the element's nodes, `d = ∇ψ_h·n̄ − 1` and the gate `G = d²/(d²+0.1²)`. A flat
+//! with `q = min φ(1−φ)` over the element's nodes, `d = ∇ψ_h·n̄ − 1` and the gate `G = d²/(d²+0.03²)`. A flat
 //! profile of width δ, at any slope, has ∇ψ_h = n̄ in every element: nothing moves, to round-off.
 //!
 //! With the element's own normal, `r = ∇ψ_h − n_e`, the part across n_e is `(1 − 1/|∇ψ|)` times the
@@ -30,8 +30,9 @@ const SUB_STEPS: [u32; 2] = [2, 6];
 const LIMIT: f64 = 1.6;
 /// −φ(1−φ), which is the overshoot, from which diffusion begins and is whole.
 const OVERSHOOT: [f64; 2] = [0.002, 0.01];
-/// Slope error |∇ψ| − 1 at which the gate is half open.
-const GATE: f64 = 0.1;
+/// Slope error |∇ψ| − 1 at which the gate is half open. Without a gate, waves on 20 cells of depth lose 6 % more
+/// in ten periods, with this one 0.3 % more, than with 0.1, which leaves noise on still water half as fast again.
+const GATE: f64 = 0.03;
 
 /// λ_e = λ_max(Σ_i r_i ∇N_i ∇N_iᵀ) of every element [1/m²], where r_i is the volume of fluid around node i over
 /// its lumped mass, 4 but near structures: a bound for the eigenvalues of `Σ_e V_e ∇N_i·∇N_j / m_i`.
