@@ -17,7 +17,8 @@ const SETTINGS: FreeSurface = FreeSurface {
     profile_correction: true,
     volume_correction: VolumeCorrection::Off,
 };
-const SOLVER: Solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-3, max_iterations: 200 };
+const SOLVER: Solver =
+    Solver { tolerance: 1e-3, start_tolerance: 1e-3, phase_tolerance: 1e-3, max_iterations: 200 };
 
 /// A slab of n × n cells, one thick, of sides `size`.
 fn slab(n: usize, size: f64, jitter: f64) -> Mesh {

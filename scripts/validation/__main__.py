@@ -9,6 +9,7 @@ from checks import Line, checks
 from program import ROOT, Work
 
 # Each group registers its checks when it is imported.
+import coupled  # noqa: F401
 import dam_break  # noqa: F401
 import flow  # noqa: F401
 import solver  # noqa: F401

@@ -20,7 +20,7 @@ pub(super) const SETTINGS: FreeSurface = FreeSurface {
 };
 
 pub(super) fn solver(phase_tolerance: f64) -> case::Solver {
-    case::Solver { tolerance: 1e-3, phase_tolerance, max_iterations: 200 }
+    case::Solver { tolerance: 1e-3, start_tolerance: 1e-3, phase_tolerance, max_iterations: 200 }
 }
 
 /// A unit cube of n³ cells (times `stretch` along z) with inner nodes moved by up to 15 % of a cell.

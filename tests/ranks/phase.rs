@@ -32,7 +32,8 @@ fn run(part: &MeshPart, settings: &FreeSurface) -> (Phase, Vec<VolumeReport>) {
     let from: Vec<f64> = part.mesh.nodes.iter().map(|x| distance(*x)).collect();
     let h = initial::cell_size(part, &from);
     let phi = initial::profile(&from, delta(settings, h));
-    let solver = Solver { tolerance: 1e-3, phase_tolerance: 1e-13, max_iterations: 200 };
+    let (tolerance, start_tolerance) = (1e-3, 1e-3);
+    let solver = Solver { tolerance, start_tolerance, phase_tolerance: 1e-13, max_iterations: 200 };
     let mut phase = Phase::new(part, &CutMesh::whole(), settings, &solver, h, phi, Vec::new());
     let u: Vec<[f64; 3]> = part.mesh.nodes.iter().map(|x| velocity(*x)).collect();
     let fine = vec![[0.0; 3]; part.mesh.tets.len()];
