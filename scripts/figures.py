@@ -319,6 +319,8 @@ def sample(grid, tank, normal, pixels):
     probe.Update()
     data = probe.GetOutput().GetPointData()
     fluid = vtk_to_numpy(data.GetArray("vtkValidPointMask")) > 0
+    if data.HasArray("structure_distance"):
+        fluid &= vtk_to_numpy(data.GetArray("structure_distance")) > 0
     found = {}
     if data.HasArray("phase"):
         found["phase"] = vtk_to_numpy(data.GetArray("phase"))
