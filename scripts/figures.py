@@ -4,6 +4,7 @@ water-K.png   the water at the K-th of the times, seen into the tank
 water.png     all of them on one sheet
 bodies-K.png, bodies.png   the same of a run without water
 slices.png    phase and speed in the plane through the middle
+bonds.png     glued faces that have come off, over time
 gauges.png    every column of gauges.csv
 history.png   every column of history.csv
 
@@ -216,14 +217,14 @@ def light(direction, intensity):
     return made
 
 
-def look_at(tank, view, camera):
-    """Places the camera so that the tank fills the picture; returns width / height of it."""
+def look_at(tank, bounds, view, camera):
+    """Places the camera so that these bounds fill the picture; returns width / height of it."""
     up = np.eye(3)[tank.up()]
     back = view / np.linalg.norm(view)
     right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
     above = np.cross(back, right)
-    middle = tank.bounds.mean(axis=1)
-    corners = np.array(np.meshgrid(*tank.bounds)).reshape(3, -1).T
+    middle = bounds.mean(axis=1)
+    corners = np.array(np.meshgrid(*bounds)).reshape(3, -1).T
     half = np.tan(np.radians(12.0))
     distance = np.linalg.norm(tank.size) / half
     for _ in range(20):
@@ -251,7 +252,7 @@ def floor_actors(tank):
     return [actor(floor.GetOutput(), TANK)]
 
 
-def draw(fields, bodies, tank, steps, view, width, name):
+def draw(fields, bodies, tank, steps, view, bounds, width, name):
     """One picture a step of `fields`, or of the bodies alone; returns the pictures and times."""
     renderer = vtkRenderer()
     renderer.SetBackground(1, 1, 1)
@@ -267,7 +268,7 @@ def draw(fields, bodies, tank, steps, view, width, name):
     window.SetMultiSamples(0)  # depth peeling has none; the picture is drawn larger and averaged
     window.AddRenderer(renderer)
 
-    ratio = look_at(tank, view, renderer.GetActiveCamera())
+    ratio = look_at(tank, bounds, view, renderer.GetActiveCamera())
     window.SetSize(2 * width, 2 * int(width / ratio))
 
     drawn = []
@@ -331,6 +332,8 @@ def sample(grid, tank, normal, pixels):
     probe.Update()
     data = probe.GetOutput().GetPointData()
     fluid = vtk_to_numpy(data.GetArray("vtkValidPointMask")) > 0
+    if data.HasArray("structure_distance"):
+        fluid &= vtk_to_numpy(data.GetArray("structure_distance")) > 0
     found = {}
     if data.HasArray("phase"):
         found["phase"] = vtk_to_numpy(data.GetArray("phase"))
@@ -444,11 +447,28 @@ def draw_table(path, picture):
     return True
 
 
+def draw_bonds(path, picture):
+    """How many faces have come off, over time."""
+    table = read_table(path)
+    if not table:
+        return False
+    figure, axis = plt.subplots(figsize=(6, 3), layout="constrained")
+    times = np.sort(table["t [s]"])
+    axis.step(times, np.arange(len(times)) + 1, where="post")
+    axis.set_xlabel("t [s]")
+    axis.set_ylabel("broken faces")
+    axis.grid(alpha=0.3)
+    figure.savefig(picture, dpi=150)
+    plt.close(figure)
+    return True
+
+
 def main():
     parser = argparse.ArgumentParser(prog="scripts/figures", description=__doc__.split("\n")[0])
     parser.add_argument("directory", type=Path, metavar="DIR", help="a run's output directory")
     parser.add_argument("--times", type=int, default=6, help="how many times to draw [6]")
     parser.add_argument("--view", help="direction to look from: x,y,z")
+    parser.add_argument("--frame", help="what fills the picture [the tank]: x,x,y,y,z,z")
     parser.add_argument(
         "--width", type=int, default=1200, help="of each picture of the water [1200]"
     )
@@ -470,13 +490,20 @@ def main():
         if arguments.view:
             view = np.array([float(x) for x in arguments.view.split(",")])
         if not fields or grid.GetPointData().HasArray("phase"):
+            bounds = tank.bounds
+            if arguments.frame:
+                bounds = np.array([float(x) for x in arguments.frame.split(",")]).reshape(3, 2)
             name = "water" if fields else "bodies"
-            pictures = draw(fields, bodies, tank, steps, view, arguments.width, folder / name)
+            path = folder / name
+            pictures = draw(fields, bodies, tank, steps, view, bounds, arguments.width, path)
             draw_sheet(pictures, folder / f"{name}.png")
             drawn += [f"{name}-{k}.png" for k in range(1, len(steps) + 1)] + [f"{name}.png"]
     if fields:
         if draw_slices(fields, tank, fields.steps(min(arguments.times, 4)), folder / "slices.png"):
             drawn.append("slices.png")
+    path = directory / "bonds.csv"
+    if path.exists() and draw_bonds(path, folder / "bonds.png"):
+        drawn.append("bonds.png")
     for name in ("gauges", "history"):
         path = directory / f"{name}.csv"
         if path.exists() and draw_table(path, folder / f"{name}.png"):

@@ -92,3 +92,38 @@ fn a_block_on_the_bottom_has_buoyancy() {
     // Torques of what is seen are summed with one point a facet.
     assert!(torque.norm() < 1e-2 * buoyancy * 0.2, "{torque:?}");
 }
+
+/// What the bodies get is what the water loses: all momentum rows without the walls' terms add up to minus the loads,
+/// around the two bodies of a box that is open on all sides.
+#[test]
+fn momentum_taken_from_the_water_is_given_to_bodies() {
+    let mut run = start(
+        "gravity = [0, 0, 0]\n\
+         [mesh]\nbox = { x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }\njitter = 0.1\n\
+         [boundaries]\ndefault = \"open\"\n\
+         [water]\nviscosity = 1\n\
+         [time]\nend = 1\nstep = 0.01\n\
+         [solver]\ntolerance = 1e-10\nstart_tolerance = 1e-10\n\
+         [bodies]\nsphere_radius = 0.05\n\
+         [[body]]\nname = \"ball\"\nsphere = 0.16\nat = [0.33, 0.4, 0.45]\ndensity = 500\n\
+         force = [30, 10, -20]\n\
+         [[body]]\nname = \"box\"\nbox = [0.2, 0.24, 0.3]\nat = [0.7, 0.6, 0.52]\nrotate = [20, 30, 40]\n\
+         density = 2000\ntorque = [5, -4, 3]\n"
+            .into(),
+    );
+    for _ in 0..5 {
+        run.step(0.01).unwrap();
+        let left = run.flow.as_ref().unwrap().momentum_left(&run.part, &run.cut, &run.material);
+        let bodies = run.bodies.as_ref().unwrap();
+        let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
+        for (load, placed) in run.loads.iter().zip(bodies.placed_before()) {
+            let f = Vector3::from(load.reaction.force);
+            force += f;
+            torque += Vector3::from(load.reaction.torque) + placed.pose.position.cross(&f);
+        }
+        let off = (force + Vector3::from(left.force)).norm() / force.norm();
+        assert!(force.norm() > 1.0 && off < 1e-9, "{force:?}: off by {off:e}");
+        let off = (torque + Vector3::from(left.torque)).norm() / torque.norm();
+        assert!(torque.norm() > 0.1 && off < 1e-9, "{torque:?}: off by {off:e}");
+    }
+}

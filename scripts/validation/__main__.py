@@ -10,6 +10,7 @@ from program import ROOT, Work
 
 # Each group registers its checks when it is imported.
 import bodies  # noqa: F401
+import coupled  # noqa: F401
 import dam_break  # noqa: F401
 import flow  # noqa: F401
 import solver  # noqa: F401

@@ -16,7 +16,7 @@ pub struct Load {
 }
 
 impl Load {
-    fn add(&mut self, force: [f64; 3], arm: [f64; 3]) {
+    pub(super) fn add(&mut self, force: [f64; 3], arm: [f64; 3]) {
         let torque = cross(arm, force);
         for k in 0..3 {
             self.force[k] += force[k];

@@ -2,6 +2,7 @@
 //! nodes fix.
 
 use super::*;
+use crate::flow::loads::Load;
 
 impl Flow {
     /// Element `e` of the step that began with the velocity `old`.
@@ -121,35 +122,12 @@ impl Flow {
         material: &Material,
         theta: f64,
     ) {
-        let mesh = &part.mesh;
-        for &(e, nodes) in &self.open_faces {
-            let tet = &mesh.tets[e as usize];
-            let corners = mesh.corners(e as usize);
-            let area = triangle_normal(nodes.map(|n| mesh.nodes[n as usize]));
-            let size = norm(area);
-            let mass = match cut.cell(e as usize) {
-                Cell::Solid => continue,
-                Cell::Whole => [0, 1, 2]
-                    .map(|i| [0, 1, 2].map(|j| size * if i == j { 1.0 / 6.0 } else { 1.0 / 12.0 })),
-                Cell::Cut(_) => {
-                    let corner = nodes.map(|n| tet.iter().position(|&m| m == n));
-                    let corner =
-                        corner.map(|c| c.expect("a face has three of its element's nodes"));
-                    let d = tet.map(|n| cut.distance[n as usize]);
-                    let fluid = cut_face(&corners, &d, 6 - corner.iter().sum::<usize>());
-                    corner.map(|i| corner.map(|j| fluid.second(i, j)))
-                }
+        for f in 0..self.open_faces.len() {
+            let Some(face) = self.open_face(part, cut, material, f, &self.u, theta) else {
+                continue;
             };
+            let (nodes, mass) = (self.open_faces[f].1, face.mass);
             let n = nodes.map(|n| n as usize);
-            let face = OpenFace {
-                normal: area.map(|a| a / size),
-                mass,
-                u: n.map(|n| self.u[n]),
-                a: n.map(|n| self.a[n]),
-                p: n.map(|n| self.x[n][3]),
-                rho: material.element(tet, &corners, &Tetrahedron::new(corners)).rho,
-                theta,
-            };
             let (rhs, c) = face.system();
             for i in 0..3 {
                 if n[i] >= part.n_owned() {
@@ -166,6 +144,92 @@ impl Flow {
                 }
             }
         }
+    }
+
+    /// Face `f` of the open ones, in the step that began with the velocity `old`; none if it is dry.
+    fn open_face(
+        &self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        material: &Material,
+        f: usize,
+        old: &[[f64; 3]],
+        theta: f64,
+    ) -> Option<OpenFace> {
+        let mesh = &part.mesh;
+        let (e, nodes) = self.open_faces[f];
+        let tet = &mesh.tets[e as usize];
+        let corners = mesh.corners(e as usize);
+        let area = triangle_normal(nodes.map(|n| mesh.nodes[n as usize]));
+        let size = norm(area);
+        let mass = match cut.cell(e as usize) {
+            Cell::Solid => return None,
+            Cell::Whole => [0, 1, 2]
+                .map(|i| [0, 1, 2].map(|j| size * if i == j { 1.0 / 6.0 } else { 1.0 / 12.0 })),
+            Cell::Cut(_) => {
+                let corner = nodes.map(|n| tet.iter().position(|&m| m == n));
+                let corner = corner.map(|c| c.expect("a face has three of its element's nodes"));
+                let d = tet.map(|n| cut.distance[n as usize]);
+                let fluid = cut_face(&corners, &d, 6 - corner.iter().sum::<usize>());
+                corner.map(|i| corner.map(|j| fluid.second(i, j)))
+            }
+        };
+        let n = nodes.map(|n| n as usize);
+        Some(OpenFace {
+            normal: area.map(|a| a / size),
+            mass,
+            u: n.map(|n| old[n]),
+            a: n.map(|n| self.a[n]),
+            p: n.map(|n| self.x[n][3]),
+            rho: material.element(tet, &corners, &Tetrahedron::new(corners)).rho,
+            theta,
+        })
+    }
+
+    /// All momentum rows of the last step without the terms of structures' walls, added up: with rows that no
+    /// boundary constrains, minus what these walls bore. Force, and torque about the origin; ghost penalties
+    /// have neither. Collective.
+    pub fn momentum_left(&self, part: &MeshPart, cut: &CutMesh, material: &Material) -> Load {
+        let (dt, theta) = (self.dt_old, if self.steps <= START_STEPS { 1.0 } else { 0.5 });
+        let mut left = Load::default();
+        for e in 0..part.n_owned_elements {
+            let element = self.element(part, material, e, &self.u_old, dt, theta);
+            let system = match cut.cell(e) {
+                Cell::Solid => continue,
+                Cell::Cut(c) => element.system(&c.pieces.fluid),
+                Cell::Whole => element.system(&Whole(element.geometry.volume)),
+            };
+            let x = part.mesh.tets[e].map(|n| self.x[n as usize]);
+            for (i, place) in part.mesh.corners(e).into_iter().enumerate() {
+                let row = |k: usize| {
+                    let terms = (0..4).map(|j| {
+                        let row = &system.matrix[4 * i + j][k];
+                        (0..4).map(|c| row[c] * x[j][c]).sum::<f64>()
+                    });
+                    terms.sum::<f64>() - system.rhs[i][k]
+                };
+                left.add([row(0), row(1), row(2)], place);
+            }
+        }
+        for (f, (e, nodes)) in self.open_faces.iter().enumerate() {
+            if *e as usize >= part.n_owned_elements {
+                continue;
+            }
+            let Some(face) = self.open_face(part, cut, material, f, &self.u_old, theta) else {
+                continue;
+            };
+            let (rhs, c) = face.system();
+            for (i, &node) in nodes.iter().enumerate() {
+                let row = |k: usize| {
+                    let terms = nodes.iter().zip(face.mass[i]);
+                    terms.map(|(&n, m)| c * m * self.x[n as usize][k]).sum::<f64>() - rhs[i][k]
+                };
+                left.add([row(0), row(1), row(2)], part.mesh.nodes[node as usize]);
+            }
+        }
+        let mut sums = [left.force, left.torque];
+        part.comm.sum_all(sums.as_flattened_mut());
+        Load { force: sums[0], torque: sums[1] }
     }
 
     /// The ghost penalty on faces of cut elements.
