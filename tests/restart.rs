@@ -100,8 +100,8 @@ fn last_line(folder: &Path) -> String {
 
 #[test]
 fn bodies_that_break_in_water_go_on_bit_for_bit() {
-    let output = "[output]\nbodies_every = 0.1\ncheckpoint_every = 0.16\n";
-    let case = BODIES.replace("end = 1\n", "end = 0.32\n") + output;
+    let output = "[output]\nbodies_every = 0.1\ncheckpoint_every = 0.2\n";
+    let case = BODIES.replace("end = 1\n", "end = 0.4\n") + output;
     let (whole, first) = whole_run("restart_bodies", &case);
     let again = whole.with_file_name("again");
     run(&again, 2, Some(&first));
