@@ -1,6 +1,7 @@
 //! Water with a free surface around obstacles that are cut out of the mesh.
 
 use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::phase::initial;
 use fcm_fsi::simulation::Simulation;
 use partition::Communicator;
 
@@ -52,11 +53,14 @@ fn still_water_around_half_submerged_bodies() {
     // Archimedes, with the density of the diffuse surface in the discrete bodies.
     let mut weight = [0.0; 2];
     let cut = &run.cut;
+    let depth: Vec<f64> = run.part.mesh.nodes.iter().map(|x| 0.3012 - x[2]).collect();
+    let mut water = run.material.clone();
+    water.set_phase(&initial::profile(&depth, run.phase.as_ref().unwrap().delta()));
     for (e, tet) in run.part.mesh.tets.iter().enumerate() {
         let x = run.part.mesh.corners(e);
         let t = fcm_fsi::mesh::tetrahedron::Tetrahedron::new(x);
         let dry = t.volume - cut.fluid_volume(&run.part.mesh, e);
-        let m = run.material.element(tet, &x, &t);
+        let m = water.element(tet, &x, &t);
         let left = x.iter().map(|x| x[0]).sum::<f64>() < 2.0;
         weight[usize::from(!left)] += 9.81 * m.rho * dry;
     }
