@@ -4,6 +4,7 @@
 
 use ::metis::option::Seed;
 use ::metis::{Graph, mesh_to_dual};
+use std::sync::{Mutex, PoisonError};
 
 /// METIS starts from random matchings: the same at every run.
 const SEED: i32 = 20_250;
@@ -60,6 +61,9 @@ pub fn split(
     if !weights.is_empty() {
         graph = graph.set_vwgt(weights);
     }
+    // METIS draws from the C library's one sequence of random numbers: two threads at once would change each other's.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut part = vec![0; elements];
     graph.part_kway(&mut part).map_err(|e| failed(e.to_string()))?;
     Ok(part.into_iter().map(|part| part as u32).collect())
