@@ -17,7 +17,6 @@ pub mod structures;
 pub use structures::Structures;
 
 use crate::bodies::{Bodies, Load};
-
 use crate::case::{self, BasePressure, Case};
 use crate::cut::CutMesh;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
