@@ -51,3 +51,10 @@ def l2_error(points, tets, nodal, exact, shift=None):
 def norm(points, tets, nodal, shift=None):
     """‖nodal‖ in L², of what differs from its mean with `shift`."""
     return l2_error(points, tets, nodal, lambda x: 0.0, shift)
+
+
+def gradients(points, tets):
+    """Gradients of the four shape functions of each element, and its volume."""
+    x = points[tets]
+    inverse = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+    return np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1), volumes(points, tets)

@@ -6,6 +6,7 @@
 //! - `weak_form`: what one element adds to the linear system of a step.
 //! - `open_boundary`: what a face with given pressure adds.
 //! - `viscous`: what the preconditioner needs where viscosity rules.
+//! - `viscous_force`: what linear elements do not see of it.
 //! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
 //! - `loads`: forces and torques on bodies.
 //! - `step`: state, assembly, solve, fine-scale velocity.
@@ -20,6 +21,7 @@ mod slivers;
 pub mod stabilisation;
 pub mod step;
 mod viscous;
+mod viscous_force;
 pub mod wall;
 pub mod weak_form;
 

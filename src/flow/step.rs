@@ -8,6 +8,7 @@ use super::material::Material;
 use super::open_boundary::OpenFace;
 use super::slivers::{self, Entry, WithEntries};
 use super::viscous;
+use super::viscous_force::laplacian;
 use super::wall::{Method, WallElement};
 use super::weak_form::Element;
 use crate::case::{Boundary, Case, Formula};
@@ -72,6 +73,8 @@ pub struct Flow {
     /// The same, whether it is or not.
     began: f64,
     a: Vec<[f64; 3]>,
+    /// ∇²a [1/(m s)].
+    laplacian: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
     graph: NodeGraph,
     weights: Vec<f64>,
@@ -159,6 +162,7 @@ impl Flow {
             again: None,
             began: 0.0,
             a: vec![[0.0; 3]; n],
+            laplacian: vec![[0.0; 3]; n],
             nodal_force: Vec::new(),
             matrix: BlockCsr::zero(&graph.pattern),
             pressure: BlockCsr::zero(&graph.pattern),
@@ -245,6 +249,7 @@ impl Flow {
                 }
             }
             let clock = Instant::now();
+            self.laplacian = laplacian(part, cut, &self.constraints.nodes, &self.a);
             self.assemble(part, cut, surfaces, material, dt, theta);
             self.assemble_slivers(part, cut, material, dt);
             self.constrain();

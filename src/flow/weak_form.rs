@@ -5,8 +5,10 @@
 //! ```text
 //!     ∫ w·ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∫ 2με(w):ε(u_θ) − ∫ p ∇·w + ∫ q ∇·u
 //!     + ∫ τ { a·∇w + ∇q/ρ }·R + ∫ τ_c ρ ∇·w ∇·u = ∫ w·F,
-//!     R = ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∇p − F − 2ε(u_θ)∇μ.
+//!     R = ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∇p − F − 2ε(u_θ)∇μ − μ∇²a.
 //! ```
+//!
+//! ∇²a is recovered from the neighbourhood (`viscous_force`).
 //!
 //! The fine-scale velocity `u' = (τ/ρ) R` makes `u − u'` divergence-free against every P1 function:
 //! `∫ q ∇·u + ∫ ∇q·u' = 0` is the continuity equation of this very form.
@@ -28,6 +30,8 @@ pub struct Element {
     pub u: [[f64; 3]; 4],
     /// Advecting velocity at n+½ at the corners [m/s].
     pub a: [[f64; 3]; 4],
+    /// ∇²u of the residual, which linear functions have none of [1/(m s)].
+    pub laplacian: [f64; 3],
     /// Time step [s].
     pub dt: f64,
     /// Weight of n+1: ½ Crank-Nicolson, 1 implicit Euler.
@@ -80,7 +84,7 @@ impl Element {
     /// of ordinary size, however little fluid there is.
     #[inline]
     pub fn system(&self, fluid: &impl Region) -> ElementSystem {
-        let Element { geometry, material, u, a, dt, theta } = self;
+        let Element { geometry, material, u, a, laplacian, dt, theta } = self;
         let (grad, v) = (&geometry.grad, fluid.volume());
         let ElementMaterial { rho, mu, grad_mu, force } = *material;
         let Parameters { a: am, tau, tau_c, speed, h } = self.parameters(fluid);
@@ -95,7 +99,10 @@ impl Element {
             let mean = mean_u[k];
             let f = 0.25 * (force[0][k] + force[1][k] + force[2][k] + force[3][k]);
             let two_eps: [f64; 3] = std::array::from_fn(|b| du[k][b] + du[b][k]);
-            known[k] = rho * (-mean / dt + old * dot(am, du[k])) - f - old * dot(two_eps, grad_mu);
+            known[k] = rho * (-mean / dt + old * dot(am, du[k]))
+                - f
+                - old * dot(two_eps, grad_mu)
+                - mu * laplacian[k];
         }
 
         let s = grad.map(|g| dot(am, g));
@@ -168,7 +175,7 @@ impl Element {
     #[inline]
     pub fn fine_scale(&self, fluid: &impl Region, u_new: &[[f64; 3]; 4], p: &[f64; 4]) -> [f64; 3] {
         let Parameters { a, tau, .. } = self.parameters(fluid);
-        let ElementMaterial { rho, grad_mu, force, .. } = self.material;
+        let ElementMaterial { rho, mu, grad_mu, force } = self.material;
         let grad_p = self.geometry.gradient(*p);
         let theta = self.theta;
         let du: [[f64; 3]; 3] = std::array::from_fn(|k| {
@@ -182,7 +189,10 @@ impl Element {
             let f: f64 = (0..4).map(|i| force[i][k]).sum::<f64>() * 0.25;
             let two_eps: [f64; 3] = std::array::from_fn(|b| du[k][b] + du[b][k]);
             tau / rho
-                * (rho * (change / self.dt + dot(a, du[k])) + grad_p[k] - f - dot(two_eps, grad_mu))
+                * (rho * (change / self.dt + dot(a, du[k])) + grad_p[k]
+                    - f
+                    - dot(two_eps, grad_mu)
+                    - mu * self.laplacian[k])
         })
     }
 
