@@ -30,6 +30,8 @@ pub struct Material {
     /// ψ/δ, and I(ψ)/δ.
     psi: Vec<f64>,
     integral: Vec<f64>,
+    /// R of the regularisation in each element [m/s]; empty: none.
+    flux: Vec<[f64; 3]>,
 }
 
 /// One element's material, constant in it but for the viscosity's gradient.
@@ -57,6 +59,7 @@ impl Material {
             phi: vec![1.0; n],
             psi: vec![CLIP; n],
             integral: vec![CLIP; n],
+            flux: Vec::new(),
         }
     }
 
@@ -70,6 +73,18 @@ impl Material {
             self.psi[i] = psi;
             self.integral[i] = psi.max(0.0) + (-psi.abs()).exp().ln_1p();
         }
+    }
+
+    /// Takes over R of the regularisation in each element [m/s].
+    pub fn set_flux(&mut self, flux: &[[f64; 3]]) {
+        self.flux.clear();
+        self.flux.extend_from_slice(flux);
+    }
+
+    /// What mass moves by beyond the velocity in element `e` of density `rho` [m/s].
+    pub fn drift(&self, e: usize, rho: f64) -> [f64; 3] {
+        let c = (self.gas.density - self.liquid.density) / rho;
+        self.flux.get(e).map_or([0.0; 3], |r| r.map(|r| c * r))
     }
 
     /// g [m/s²]
@@ -171,6 +186,7 @@ mod tests {
             phi: phi.clone(),
             psi: phi.clone(),
             integral: phi.clone(),
+            flux: Vec::new(),
         };
         material.set_phase(&phi);
         material

@@ -90,6 +90,8 @@ pub struct Phase {
     ratio: Vec<f64>,
     /// λ_e of `regularise`.
     stiffness: Vec<f32>,
+    /// R of local elements over the last step, mean of its sub-steps [m/s].
+    flux: Vec<[f64; 3]>,
     solver: transport::Solver,
     // Scratch.
     profile: Profile,
@@ -140,6 +142,7 @@ impl Phase {
             margin: margin::Margin::default(),
             ratio: vec![0.0; n],
             stiffness: vec![0.0; part.mesh.tets.len()],
+            flux: vec![[0.0; 3]; part.mesh.tets.len()],
             solver: transport::Solver::new(part, graph),
             profile: Profile::default(),
             before: phi.clone(),
@@ -227,6 +230,7 @@ impl Phase {
         let speed = self.mobility * part.max(top).sqrt();
         let given = Given { dt, velocity, fine_scale, inflow, speed };
         let mut report = transport::step(self, part, cut, &given)?;
+        self.flux.fill([0.0; 3]);
         if self.form == Form::Psi {
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
@@ -252,6 +256,11 @@ impl Phase {
     /// h, the cell size at the interface [m].
     pub fn cell(&self) -> f64 {
         self.cell
+    }
+
+    /// R of local elements over the last step [m/s]: liquid moves by −R against the fluid, in ψ form.
+    pub fn flux(&self) -> &[[f64; 3]] {
+        &self.flux
     }
 
     /// Targets and sums of the volume correction.

@@ -18,7 +18,9 @@ impl Flow {
         let tet = &part.mesh.tets[e];
         let x = tet.map(|n| part.mesh.nodes[n as usize]);
         let geometry = Tetrahedron::new(x);
-        let mut material = material.element(tet, &x, &geometry);
+        let fluids = material;
+        let mut material = fluids.element(tet, &x, &geometry);
+        let drift = fluids.drift(e, material.rho);
         if !self.nodal_force.is_empty() {
             let f = tet.map(|n| self.nodal_force[n as usize]);
             for k in 0..3 {
@@ -38,7 +40,10 @@ impl Flow {
             geometry,
             material,
             u: tet.map(|n| old[n as usize]),
-            a: tet.map(|n| self.a[n as usize]),
+            a: tet.map(|n| {
+                let a = self.a[n as usize];
+                std::array::from_fn(|k| a[k] + drift[k])
+            }),
             laplacian,
             dt,
             theta,
