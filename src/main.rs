@@ -62,6 +62,9 @@ fn main() -> ExitCode {
             if comm.rank() == 0 {
                 eprintln!("error: {message}");
             }
+            if status == RUN_FAILED {
+                partition::leave(&comm, RUN_FAILED.into());
+            }
             ExitCode::from(status)
         }
     }

@@ -117,7 +117,7 @@ pub fn phase(
     }
     let delta = crate::phase::delta(&case.free_surface, cell);
     let phi = initial::profile(&distance, delta);
-    Some(Phase::new(
+    let mut phase = Phase::new(
         part,
         cut,
         graph,
@@ -126,7 +126,17 @@ pub fn phase(
         cell,
         phi,
         inflow.faces.clone(),
-    ))
+    );
+    if case.prescribed_velocity.is_none() {
+        phase.feel(reduced_gravity(case));
+    }
+    Some(phase)
+}
+
+/// g (ρ_l − ρ_g)/(ρ_l + ρ_g) [m/s²].
+fn reduced_gravity(case: &Case) -> f64 {
+    let (liquid, gas) = (case.liquid.density, case.gas.map_or(0.0, |gas| gas.density));
+    crate::fem::norm(case.gravity) * ((liquid - gas) / (liquid + gas)).abs()
 }
 
 /// The material at t = 0.

@@ -58,3 +58,10 @@ impl Error {
         Self::Byte { path: path.into(), offset, message: message.to_string() }
     }
 }
+
+/// What an error of HDF5 comes to: where it quotes the system ("No space left on device"), that alone.
+pub(crate) fn reason(error: &hdf5::Error) -> String {
+    let text = error.to_string();
+    let quoted = text.split_once("error message = '").and_then(|(_, rest)| rest.split_once('\''));
+    quoted.map_or(text.clone(), |(message, _)| message.into())
+}

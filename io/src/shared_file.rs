@@ -6,6 +6,7 @@
 //! takes part with an empty selection.
 
 use crate::Error;
+use crate::error::reason;
 use hdf5::{Dataset, Dataspace, Datatype, H5Type, Result as HdfResult};
 use hdf5_sys::h5d::{H5Dread, H5Dwrite};
 use hdf5_sys::h5p::{
@@ -143,7 +144,8 @@ fn agree<T>(
     what: &str,
     result: HdfResult<T>,
 ) -> Result<T, Error> {
-    Error::agree(comm, result.map_err(|e| Error::file(path, format!("cannot {what}: {e}"))))
+    let said = |e| Error::file(path, format!("cannot {what}: {}", reason(&e)));
+    Error::agree(comm, result.map_err(said))
 }
 
 /// Writes whole rows from row `first` on. With MPI all ranks call it, each with its own rows.

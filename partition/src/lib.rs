@@ -16,4 +16,4 @@ pub use exchange::{Exchange, Traffic};
 pub use index_map::IndexMap;
 pub use message::{Accumulate, Item};
 pub use metis::PartitionError;
-pub use ranks::{Ranks, abort, return_memory, start};
+pub use ranks::{Ranks, abort, leave, return_memory, start};

@@ -71,6 +71,8 @@ pub struct Phase {
     cell: f64,
     form: Form,
     mobility: f64,
+    /// Reduced by the gas's weight [m/s²].
+    gravity: f64,
     profile_correction: bool,
     volume_correction: VolumeCorrection,
     tolerance: f64,
@@ -98,6 +100,9 @@ pub struct Phase {
     before: Vec<f64>,
     /// Σ_e V_e n_e of `regularise`.
     normal: Vec<[f64; 3]>,
+    /// Mean of ∇ψ_h over the band's elements around a node, and their volume.
+    slope: Vec<[f64; 3]>,
+    around: Vec<f64>,
     nodal_volume: Vec<f64>,
     band: Vec<(u32, u32, f64)>,
 }
@@ -129,6 +134,7 @@ impl Phase {
                 (true, Regularisation::Psi) => Form::Psi,
             },
             mobility: settings.mobility,
+            gravity: 0.0,
             profile_correction: settings.profile_correction,
             volume_correction: settings.volume_correction,
             tolerance: solver.phase_tolerance,
@@ -147,6 +153,8 @@ impl Phase {
             profile: Profile::default(),
             before: phi.clone(),
             normal: vec![[0.0; 3]; n],
+            slope: vec![[0.0; 3]; n],
+            around: vec![0.0; n],
             nodal_volume: Vec::new(),
             band: Vec::new(),
             phi,
@@ -156,6 +164,11 @@ impl Phase {
         // `volume` has left the profile's part here.
         phase.excess.copy_from_slice(&phase.solver.excess);
         phase
+    }
+
+    /// Lets gravity, reduced by the gas's weight [m/s²], make waves. Without, nothing pulls the surface level.
+    pub fn feel(&mut self, reduced_gravity: f64) {
+        self.gravity = reduced_gravity;
     }
 
     /// Takes over which parts of the elements are fluid. Collective.

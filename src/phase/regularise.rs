@@ -12,6 +12,12 @@
 //! the grid scale, and a profile 1.5 δ thick breaks up into lumps. Here n̄ is averaged over the elements around
 //! the element's nodes, r acts along it, and across it only with diffusion of the right sign.
 //!
+//! **Ripples.** A surface with d = 0 may still be rough: gravity alone levels it, by waves that swing for ever where
+//! there is no viscosity, down to two cells in length. To s r is therefore added `½ √(g h/π) w(q) q` times what the
+//! slope across n̄ differs by from its mean over the elements around: √(g h/π) is the speed of the shortest waves of
+//! the mesh, half of it times δ the viscosity of upwinding, and it acts on what the mesh does not resolve alone (a
+//! local projection). What waves lose in a period falls with the fourth power of their number of cells.
+//!
 //! Explicit limit: since dψ/dφ = δ/(φ(1−φ)) and q is the smallest φ(1−φ), the linearised diffusivity is at
 //! most Γδ, and the largest eigenvalue of the lumped step at most Γδ λ, λ = 4 λ_max(Σ_i ∇N_i ∇N_iᵀ) of
 //! the worst element. n is chosen from it; if 6 are not enough, Γ is reduced in the elements concerned.
@@ -23,6 +29,7 @@ use crate::fem::{dot, norm};
 use crate::mesh::tetrahedron::Tetrahedron;
 use crate::mesh::{Mesh, MeshPart};
 use nalgebra::Matrix3;
+use std::f64::consts::PI;
 
 /// Fewest and most sub-steps.
 const SUB_STEPS: [u32; 2] = [2, 6];
@@ -33,6 +40,9 @@ const OVERSHOOT: [f64; 2] = [0.002, 0.01];
 /// Slope error |∇ψ| − 1 at which the gate is half open. Without a gate, waves on 20 cells of depth lose 6 % more
 /// in ten periods, with this one 0.3 % more, than with 0.1, which leaves noise on still water half as fast again.
 const GATE: f64 = 0.03;
+
+/// Speed that ripples are levelled with, over that of the shortest waves.
+const UPWIND: f64 = 0.5;
 
 /// λ_e = λ_max(Σ_i r_i ∇N_i ∇N_iᵀ) of every element [1/m²], where r_i is the volume of fluid around node i over
 /// its lumped mass, 4 but near structures: a bound for the eigenvalues of `Σ_e V_e ∇N_i·∇N_j / m_i`.
@@ -66,24 +76,26 @@ pub(super) fn sub_steps(
             stiffest = stiffest.max(phase.stiffness[e]);
         }
     }
-    let worst = speed * phase.delta * part.max(f64::from(stiffest)) * dt;
+    let waves = UPWIND * phase.mobility * (phase.gravity * phase.cell / PI).sqrt();
+    let worst = (speed + waves) * phase.delta * part.max(f64::from(stiffest)) * dt;
     if worst == 0.0 {
         return 0;
     }
     let n = ((worst / LIMIT).ceil() as u32).clamp(SUB_STEPS[0], SUB_STEPS[1]);
-    set_normals(phase, part, cut);
+    set_slopes(phase, part, cut);
     for sub in 0..n {
         if sub > 0 {
             phase.profile.set(&phase.phi, false);
         }
-        sub_step(phase, part, cut, dt / f64::from(n), speed, 1.0 / f64::from(n));
+        sub_step(phase, part, cut, dt / f64::from(n), speed, waves);
         part.exchange.update_ghosts(&mut phase.phi);
     }
+    let share = 1.0 / f64::from(n);
+    phase.flux.as_flattened_mut().iter_mut().for_each(|r| *r *= share);
     n
 }
 
-/// `share`: of the step.
-fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f64, share: f64) {
+fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f64, waves: f64) {
     let n_owned = part.n_owned();
     let most = LIMIT / (phase.delta * dt);
     for (e, tet) in part.mesh.tets.iter().enumerate() {
@@ -117,16 +129,28 @@ fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f
         let c = (-d).clamp(0.0, 1.0);
         let r: [f64; 3] = std::array::from_fn(|k| d * n[k] + c * (slope[k] - (1.0 + d) * n[k]));
         let q = nodes[0].q.min(nodes[1].q).min(nodes[2].q.min(nodes[3].q));
-        let speed = speed.min(most / f64::from(phase.stiffness[e]));
+        let most = most / f64::from(phase.stiffness[e]);
+        let speed = speed.min(most);
+        let waves = waves.min(most - speed);
         let s = speed * window(q) * q * (d * d / (d * d + GATE * GATE));
-        for k in 0..3 {
-            phase.flux[e][k] += share * s * r[k];
+        // How much steeper than around it, across n̄.
+        let mut ripple = slope;
+        for i in tet.map(|i| i as usize) {
+            for k in 0..3 {
+                ripple[k] -= 0.25 * phase.slope[i][k];
+            }
         }
-        let flux = dt * cut.fluid_volume(&part.mesh, e) * s;
+        let (along, across) = (dot(n, ripple), waves * window(q) * q);
+        let volume = dt * cut.fluid_volume(&part.mesh, e);
+        let flux: [f64; 3] =
+            std::array::from_fn(|k| s * r[k] + across * (ripple[k] - along * n[k]));
+        for k in 0..3 {
+            phase.flux[e][k] += flux[k];
+        }
         for i in 0..4 {
             let at = tet[i] as usize;
             if at < n_owned {
-                add_liquid(phase, at, -flux * dot(t.grad[i], r));
+                add_liquid(phase, at, -volume * dot(t.grad[i], flux));
             }
         }
     }
@@ -142,25 +166,33 @@ fn add_liquid(phase: &mut Phase, i: usize, volume: f64) {
     }
 }
 
-/// Σ_e V_e n_e around each node.
-fn set_normals(phase: &mut Phase, part: &MeshPart, cut: &CutMesh) {
+/// Σ_e V_e n_e around each node, and the mean of ∇ψ_h.
+fn set_slopes(phase: &mut Phase, part: &MeshPart, cut: &CutMesh) {
     phase.normal.fill([0.0; 3]);
+    phase.slope.fill([0.0; 3]);
+    phase.around.fill(0.0);
     for (e, tet) in part.mesh.tets.iter().enumerate() {
         let Some(nodes) = phase.profile.in_band(tet) else { continue };
         let t = Tetrahedron::of(&part.mesh, e);
         let volume = cut.fluid_volume(&part.mesh, e);
-        let slope = t.gradient(nodes.map(|n| n.s));
+        let slope = t.gradient(nodes.map(|n| phase.delta * n.s));
         let size = norm(slope);
         if size == 0.0 || volume == 0.0 {
             continue;
         }
         for i in tet.map(|i| i as usize) {
+            phase.around[i] += volume;
             for k in 0..3 {
                 phase.normal[i][k] += volume / size * slope[k];
+                phase.slope[i][k] += volume * slope[k];
             }
         }
     }
+    for (slope, &around) in phase.slope.iter_mut().zip(&phase.around) {
+        *slope = slope.map(|s| s / around.max(f64::MIN_POSITIVE));
+    }
     part.exchange.update_ghosts(&mut phase.normal);
+    part.exchange.update_ghosts(&mut phase.slope);
 }
 
 /// `m_i Δφ_i −= Δt Γδ v(o) ∫ ∇N_i·∇φ_h` where φ leaves [0, 1] by o.
@@ -273,5 +305,32 @@ mod tests {
             assert_eq!(sub_steps(&mut phase, &part, &CutMesh::whole(), 1.0, 1.0), SUB_STEPS[1]);
         }
         assert!(phase.phi.iter().all(|p| (-0.011..1.011).contains(p)));
+    }
+
+    /// What is left of the first of cos(2πx/λ) in the height of a flat profile after a time t √(g/h) = 12.
+    fn left_of_wave(cells: f64) -> f64 {
+        let part = cube(12);
+        let k = 2.0 * PI * 12.0 / cells;
+        let mut phase =
+            of_distance(&part, &SETTINGS, 1e-6, |x| x[2] - 0.47 + 0.01 * (k * x[0]).cos());
+        phase.feel(9.81);
+        let height = |phase: &Phase| -> f64 {
+            (phase.phi.iter().zip(&phase.lumped).zip(&part.mesh.nodes))
+                .map(|((f, m), x)| f * m * (k * x[0]).cos())
+                .sum()
+        };
+        let before = height(&phase);
+        let dt = 0.1 * (1.0f64 / (12.0 * 9.81)).sqrt();
+        for _ in 0..120 {
+            sub_steps(&mut phase, &part, &CutMesh::whole(), dt, 0.0);
+        }
+        height(&phase) / before
+    }
+
+    #[test]
+    fn gravity_levels_ripples_of_the_mesh_and_leaves_waves_alone() {
+        // Lost: 40 % and more, 2 % and less. A viscosity would take from one of 12 cells a ninth of what it takes from 4.
+        let (ripple, wave) = (left_of_wave(4.0), left_of_wave(12.0));
+        assert!(ripple < 0.6 && wave > 0.98, "{ripple} {wave}");
     }
 }

@@ -3,6 +3,7 @@
 use super::manifest::{self, Manifest};
 use super::{State, UNFINISHED, Values, is_checkpoint, named, rank_file};
 use crate::Error;
+use crate::error::reason;
 use hdf5::H5Type;
 use partition::Communicator;
 use std::fs::{self, File};
@@ -89,7 +90,7 @@ fn write_rank(path: &Path, state: &State) -> Result<u64, Error> {
         }
         file.close()
     };
-    write().map_err(|e| Error::file(path, format!("cannot write: {e}")))?;
+    write().map_err(|e| Error::file(path, format!("cannot write: {}", reason(&e))))?;
     File::open(path)
         .and_then(|file| file.sync_all().and(file.metadata()))
         .map(|metadata| metadata.len())
