@@ -33,6 +33,11 @@ impl Form {
         Ok((Self { shape, spheres, mass, bounds, radius }, back))
     }
 
+    /// Whether it is one sphere.
+    pub fn is_ball(&self) -> bool {
+        matches!(self.shape, Shape::Sphere(_))
+    }
+
     /// The box around the form where it stands [m].
     pub fn bounds_at(&self, pose: &Pose) -> Bounds {
         let centre = pose.to_space(0.5 * (self.bounds.min + self.bounds.max));
@@ -145,14 +150,44 @@ impl Cluster {
         if self.is_free() { 1.0 / self.mass } else { 0.0 }
     }
 
-    /// I⁻¹ u for the principal frame [1/(kg m²)]; 0 if forces do not move it.
-    pub fn inverse_moments(&self) -> Vector3<f64> {
-        if self.is_free() { self.moments.map(|i| 1.0 / i) } else { Vector3::zeros() }
+    /// How it answers to forces.
+    pub fn inertia(&self) -> Inertia {
+        let (inverse_moments, locked) = match self.motion {
+            Motion::Free { locked } => (self.moments.map(|i| 1.0 / i), locked),
+            _ => (Vector3::zeros(), [false; 6]),
+        };
+        Inertia {
+            inverse_mass: self.inverse_mass(),
+            inverse_moments,
+            material: self.material,
+            locked,
+        }
     }
 
     /// λ_max of M⁻¹K [1/s²] when all spheres of a side touch with stiffness `k` [N/m].
     pub fn contact_frequency(&self, k: f64) -> f64 {
         self.form.contact_frequency(k) * self.form.mass.volume / self.mass
+    }
+}
+
+/// How a cluster answers to forces, in one place.
+#[derive(Clone, Copy, Debug)]
+pub struct Inertia {
+    /// 1/m [1/kg]; 0 if forces do not move it.
+    pub inverse_mass: f64,
+    /// Diagonal of I⁻¹ [1/(kg m²)]; 0 if forces do not move it.
+    pub inverse_moments: Vector3<f64>,
+    /// Index of its material.
+    pub material: u32,
+    /// Along x, y, z, about x, y, z it stays as it is.
+    pub locked: [bool; 6],
+}
+
+impl Inertia {
+    /// Whether forces move it.
+    #[inline]
+    pub fn is_free(&self) -> bool {
+        self.inverse_mass > 0.0
     }
 }
 

@@ -1,19 +1,15 @@
-//! Contact of spheres [18-20, 23, 24]: a spring and a dashpot along the normal and across it, and
-//! Coulomb's slider.
+//! Contact of clusters [18-20, 23, 24]: at each pair of spheres that touch, the law of `contact_law`.
 //!
-//! ```text
-//!     F_n = K u + C u̇,   F_t = −K ξ − C v_t,  |F_t| ≤ tan(angle) max(F_n, 0)
-//!     C   = 2√(mK) √((ln e)²/((ln e)²+π²))
-//! ```
-//! `m` is the mass that one contact has to stop: with N = Σn, S = I⁻¹ Σ r×n over all contacts the two
+//! Its `m` is the mass that one contact has to stop: with N = Σn, S = I⁻¹ Σ r×n over all contacts the two
 //! clusters have with each other, `1/m_i = Σ_bodies (n_i·N/m + (r_i×n_i)·S)`. For one contact that is the
 //! mass felt at the point; a block that lands flat on k spheres has m/k for each: both rebound with e.
 //! (The whole mass of the block at each of 2, 4, 9 spheres gives 0.60, 0.48, 0.32 instead of 0.7.)
 
 use super::account::Account;
-use super::cluster::{Cluster, State};
+use super::cluster::{Cluster, Inertia, State};
+use super::contact_law::{Point, push};
 use super::material::Materials;
-use super::neighbours::{Inertia, Neighbours, Partner};
+use super::neighbours::{Neighbours, Partner};
 use super::walls::Wall;
 use nalgebra::Vector3;
 
@@ -51,6 +47,7 @@ struct Side {
 pub fn add_forces(
     state: &mut State,
     near: &mut Neighbours,
+    inertia: &[Inertia],
     twists: &[Twist],
     world: &World,
     dt: f64,
@@ -58,17 +55,10 @@ pub fn add_forces(
     account: &mut Account,
 ) {
     let Neighbours {
-        pairs,
-        spheres,
-        candidates,
-        spring,
-        rest,
-        touching,
-        hits,
-        deepest,
-        inertia,
-        ..
+        pairs, spheres, candidates, spring, rest, touching, hits, deepest, balls, ..
     } = near;
+    balls.add_forces(state, twists, world, dt, counted, account, deepest);
+    let no_tension = world.materials.no_tension;
     for pair in pairs.iter() {
         hits.clear();
         let a = pair.cluster as usize;
@@ -155,53 +145,19 @@ pub fn add_forces(
                 sides.iter().zip(&hit.arm).map(|(side, arm)| arm.cross(&n).dot(&side.turn)).sum();
             // Never more than the two whole masses.
             let inverse = (n.dot(&normals) * inverse_masses + turns).max(inverse_masses);
-            let mut c = if inverse > 0.0 { damping / inverse.sqrt() } else { 0.0 };
-
+            let dashpot = if inverse > 0.0 { damping / inverse.sqrt() } else { 0.0 };
             let [v_a, v_b] =
                 [0, 1].map(|i| sides[i].twist.velocity + sides[i].twist.spin.cross(&hit.arm[i]));
-            let v = v_a - v_b;
-            let v_n = v.dot(&n);
-            c *= share(hit.overlap, v_n * dt, touching[k]);
-            let v_t = v - v_n * n;
-            let mut normal_force = law.stiffness * hit.overlap - c * v_n;
-            if world.materials.no_tension {
-                normal_force = normal_force.max(0.0);
-            }
-            // The spring turns with the contact: into its plane, and about its normal.
-            let mut xi = if touching[k] { spring[k] } else { Vector3::zeros() };
-            let length = xi.norm_squared();
-            if length > 0.0 {
-                let spin = 0.5 * (sides[0].twist.spin + sides[1].twist.spin).dot(&n);
-                xi += (spin * dt) * n.cross(&xi);
-                xi -= xi.dot(&n) * n;
-                let now = xi.norm_squared();
-                if now > 0.0 {
-                    xi *= (length / now).sqrt();
-                }
-            }
-            let before = xi;
-            xi += v_t * dt;
-            let mut tangential = -law.stiffness * xi - c * v_t;
-            let limit = law.friction * normal_force.max(0.0);
-            let wanted = tangential.norm();
-            let mut slipped = 0.0;
-            if wanted > limit {
-                tangential *= if wanted > 0.0 { limit / wanted } else { 0.0 };
-                // What the dashpot leaves of the limit is the spring's.
-                let left = -(tangential + c * v_t) / law.stiffness;
-                let kept = if left.dot(&tangential) < 0.0 { left } else { Vector3::zeros() };
-                slipped = tangential.dot(&(kept - xi));
-                xi = kept;
-            }
-            spring[k] = xi;
+            let spin = 0.5 * (sides[0].twist.spin + sides[1].twist.spin).dot(&n);
+            let (overlap, velocity) = (hit.overlap, v_a - v_b);
+            let point = Point { normal: n, overlap, velocity, spin, dashpot };
+            let push = push(law, no_tension, &point, &mut spring[k], touching[k], dt);
             touching[k] = true;
             if booked {
-                let dashpot = normal_force - law.stiffness * hit.overlap;
-                let stored = 0.5 * law.stiffness * (xi.norm_squared() - before.norm_squared());
-                account.friction += slipped;
-                account.dashpots -= (dashpot * v_n + tangential.dot(&v_t)) * dt + stored + slipped;
+                account.friction += push.friction;
+                account.dashpots += push.dashpots;
             }
-            let force = normal_force * n + tangential;
+            let force = push.force;
             sums[0] += force;
             sums[1] += hit.arm[0].cross(&force);
             sums[2] += hit.arm[1].cross(&force);
@@ -212,20 +168,6 @@ pub fn add_forces(
             state.force[b] -= sums[0];
             state.torque[b] -= sums[2];
         }
-    }
-}
-
-/// The part of the time between the middles of the two steps around now that a contact lasts which begins or
-/// ends there: its dashpot jumps, and counting whole steps would make restitution a matter of luck.
-/// `way`: growth of the gap in a step [m].
-#[inline]
-fn share(overlap: f64, way: f64, touched: bool) -> f64 {
-    if !touched && way < 0.0 {
-        0.5 + (overlap / -way).min(1.0)
-    } else if way > overlap {
-        0.5 + overlap / way
-    } else {
-        1.0
     }
 }
 
@@ -262,7 +204,7 @@ impl Side {
 
 /// Energy in the springs of all contacts [J].
 pub fn elastic_energy(state: &State, near: &Neighbours, world: &World, counted: &[bool]) -> f64 {
-    let mut sum = 0.0;
+    let mut sum = near.balls.elastic_energy(state, world, counted);
     for pair in &near.pairs {
         if !counted[pair.cluster as usize] {
             continue;

@@ -2,7 +2,8 @@
 //! (Takase et al. 2015, [18-28]).
 //!
 //! - `cluster` what one is, and where all stand · `packing` its contact spheres · `motion` kick, drift, kick.
-//! - `neighbours` who may touch whom · `contact` springs, dashpots, sliders · `material` · `walls`.
+//! - `broad_phase`, `neighbours` who may touch whom · `contact_law` spring, dashpot, slider at a point ·
+//!   `contact` of clusters · `balls` those of one sphere · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
 //! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
 //!   all of it as lists, for checkpoints.
@@ -15,10 +16,13 @@
 //! May name `shape` and `case`; `ownership` alone meets the ranks.
 
 pub mod account;
+mod balls;
+mod broad_phase;
 pub mod cluster;
 pub mod cohesion;
 pub mod cohesion_law;
 pub mod contact;
+mod contact_law;
 pub mod material;
 pub mod motion;
 pub mod neighbours;

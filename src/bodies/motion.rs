@@ -8,7 +8,7 @@
 //! Without torque L in space is constant, gyroscopic terms included. ([27] moves with the old velocity:
 //! energy then grows.)
 
-use super::cluster::{Cluster, Motion, State};
+use super::cluster::{Cluster, Inertia, Motion, State};
 use super::contact::Twist;
 use crate::shape::Pose;
 use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
@@ -27,20 +27,19 @@ pub struct Load {
 pub fn kick(
     state: &mut State,
     c: usize,
-    cluster: &Cluster,
+    inertia: &Inertia,
     gravity: Vector3<f64>,
     load: &Load,
     dt: f64,
 ) {
-    let Motion::Free { locked } = &cluster.motion else { return };
-    let mut dv = (state.force[c] + load.force) * (dt / cluster.mass) + gravity * dt;
+    let mut dv = (state.force[c] + load.force) * (dt * inertia.inverse_mass) + gravity * dt;
     let mut dl = (state.torque[c] + load.torque) * dt;
-    if locked.contains(&true) {
+    if inertia.locked != FREE {
         for k in 0..3 {
-            if locked[k] {
+            if inertia.locked[k] {
                 dv[k] = 0.0;
             }
-            if locked[3 + k] {
+            if inertia.locked[3 + k] {
                 dl[k] = 0.0;
             }
         }
@@ -49,49 +48,42 @@ pub fn kick(
     state.angular_momentum[c] += dl;
 }
 
-/// ω of a cluster along the axes of space [rad/s].
+const FREE: [bool; 6] = [false; 6];
+
+/// ω of a free cluster along the axes of space [rad/s].
 #[inline]
-pub fn spin(state: &State, c: usize, cluster: &Cluster) -> Vector3<f64> {
-    match &cluster.motion {
-        Motion::Free { locked } if locked[3..].contains(&true) => {
-            // Reactions keep the locked components of ω at zero: solve for the others.
-            let axes = state.pose[c].rotation.to_rotation_matrix();
-            let inertia = axes.matrix()
-                * Matrix3::from_diagonal(&cluster.moments)
-                * axes.matrix().transpose();
-            let mut matrix = inertia;
-            let mut right = state.angular_momentum[c];
-            for k in (0..3).filter(|k| locked[3 + k]) {
-                for j in 0..3 {
-                    matrix[(k, j)] = 0.0;
-                    matrix[(j, k)] = 0.0;
-                }
-                matrix[(k, k)] = 1.0;
-                right[k] = 0.0;
-            }
-            matrix.cholesky().map_or(Vector3::zeros(), |m| m.solve(&right))
-        }
-        _ => {
-            let inverse = cluster.moments.map(|i| 1.0 / i);
-            State::spin(&state.pose[c], &inverse, &state.angular_momentum[c])
-        }
+pub fn spin(state: &State, c: usize, inertia: &Inertia) -> Vector3<f64> {
+    let locked = &inertia.locked;
+    if !locked[3..].contains(&true) {
+        let momentum = &state.angular_momentum[c];
+        return State::spin(&state.pose[c], &inertia.inverse_moments, momentum);
     }
+    // Reactions keep the locked components of ω at zero: solve for the others.
+    let axes = state.pose[c].rotation.to_rotation_matrix();
+    let moments = Matrix3::from_diagonal(&inertia.inverse_moments.map(|i| 1.0 / i));
+    let mut matrix = axes.matrix() * moments * axes.matrix().transpose();
+    let mut right = state.angular_momentum[c];
+    for k in (0..3).filter(|k| locked[3 + k]) {
+        for j in 0..3 {
+            matrix[(k, j)] = 0.0;
+            matrix[(j, k)] = 0.0;
+        }
+        matrix[(k, k)] = 1.0;
+        right[k] = 0.0;
+    }
+    matrix.cholesky().map_or(Vector3::zeros(), |m| m.solve(&right))
 }
 
 /// Place and attitude of a free cluster after `dt` with constant momentum.
 #[inline]
-pub fn drift(state: &mut State, c: usize, cluster: &Cluster, dt: f64) {
-    let Motion::Free { locked } = &cluster.motion else { return };
-    let turned = if locked[3..].contains(&true) {
-        turn(spin(state, c, cluster) * dt) * state.pose[c].rotation
+pub fn drift(state: &mut State, c: usize, inertia: &Inertia, dt: f64) {
+    let i = inertia.inverse_moments;
+    let turned = if inertia.locked[3..].contains(&true) {
+        turn(spin(state, c, inertia) * dt) * state.pose[c].rotation
+    } else if i.x == i.y && i.y == i.z {
+        turn(state.angular_momentum[c] * (dt * i.x)) * state.pose[c].rotation
     } else {
-        let i = cluster.moments;
-        let pose = &state.pose[c];
-        if i.x == i.y && i.y == i.z {
-            turn(state.angular_momentum[c] * (dt / i.x)) * pose.rotation
-        } else {
-            rotate_free(pose, i, state.angular_momentum[c], dt)
-        }
+        rotate_free(&state.pose[c], i, state.angular_momentum[c], dt)
     };
     let pose = &mut state.pose[c];
     pose.position += state.velocity[c] * dt;
@@ -118,10 +110,10 @@ pub fn turn(angle: Vector3<f64>) -> UnitQuaternion<f64> {
     Unit::new_unchecked(Quaternion::from_parts(cosine, 0.5 * ratio * angle))
 }
 
-/// Attitude after `dt` of a body with principal moments `moments` and angular momentum `l` in space.
+/// Attitude after `dt` of a body with inverse principal moments `inverse` and angular momentum `l` in space.
 fn rotate_free(
     pose: &Pose,
-    moments: Vector3<f64>,
+    inverse: Vector3<f64>,
     l: Vector3<f64>,
     dt: f64,
 ) -> UnitQuaternion<f64> {
@@ -130,7 +122,7 @@ fn rotate_free(
     let mut body = q.inverse_transform_vector(&l);
     for (axis, part) in [(0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5)] {
         let mut angle = Vector3::zeros();
-        angle[axis] = part * dt * body[axis] / moments[axis];
+        angle[axis] = part * dt * body[axis] * inverse[axis];
         let step = turn(angle);
         q *= step;
         body = step.inverse_transform_vector(&body);
@@ -143,20 +135,19 @@ fn rotate_free(
 pub fn predicted(
     state: &State,
     c: usize,
-    cluster: &Cluster,
+    inertia: &Inertia,
     gravity: Vector3<f64>,
     load: &Load,
     half: f64,
 ) -> Twist {
-    let Motion::Free { locked } = &cluster.motion else { return Twist::default() };
-    if locked.contains(&true) {
-        return Twist { velocity: state.velocity[c], spin: spin(state, c, cluster) };
+    if inertia.locked != FREE {
+        return Twist { velocity: state.velocity[c], spin: spin(state, c, inertia) };
     }
-    let velocity =
-        state.velocity[c] + (state.force[c] + load.force) * (half / cluster.mass) + gravity * half;
+    let velocity = state.velocity[c]
+        + (state.force[c] + load.force) * (half * inertia.inverse_mass)
+        + gravity * half;
     let momentum = state.angular_momentum[c] + (state.torque[c] + load.torque) * half;
-    let inverse = cluster.moments.map(|i| 1.0 / i);
-    Twist { velocity, spin: State::spin(&state.pose[c], &inverse, &momentum) }
+    Twist { velocity, spin: State::spin(&state.pose[c], &inertia.inverse_moments, &momentum) }
 }
 
 /// Moves a cluster that is led, by its velocities at the middle of the step.
@@ -177,9 +168,9 @@ pub fn lead(state: &mut State, c: usize, cluster: &Cluster, t: f64, dt: f64) -> 
     Twist { velocity: state.velocity[c], spin: omega }
 }
 
-/// ½mv² + ½ω·L [J].
+/// ½mv² + ½ω·L of a free cluster [J].
 pub fn kinetic(state: &State, c: usize, cluster: &Cluster) -> f64 {
-    let omega = spin(state, c, cluster);
+    let omega = spin(state, c, &cluster.inertia());
     0.5 * cluster.mass * state.velocity[c].norm_squared()
         + 0.5 * omega.dot(&state.angular_momentum[c])
 }

@@ -1,8 +1,11 @@
-//! Who may touch whom: first boxes around clusters, in a grid; then spheres of the clusters whose boxes meet.
+//! Who may touch whom: clusters whose boxes meet (`broad_phase`), then their spheres. Pairs of single spheres have
+//! lists of their own (`balls`).
 //!
 //! Lists reach `skin` beyond contact and serve until a surface has moved by half of it. Tangential
 //! springs stay with their pair of spheres when lists are made anew.
 
+use super::balls::Balls;
+use super::broad_phase::meeting;
 use super::cluster::{Form, State};
 use super::contact::{Hit, World};
 use crate::shape::{Bounds, Pose};
@@ -45,17 +48,6 @@ pub struct PlacedSphere {
     local: Vector3<f64>,
 }
 
-/// What contact asks of a cluster.
-#[derive(Clone, Copy, Debug)]
-pub struct Inertia {
-    /// 1/m [1/kg]; 0 if forces do not move it.
-    pub inverse_mass: f64,
-    /// Diagonal of I⁻¹ [1/(kg m²)].
-    pub inverse_moments: Vector3<f64>,
-    /// Index of its material.
-    pub material: u32,
-}
-
 /// What a pair of spheres remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
@@ -91,8 +83,8 @@ pub struct Neighbours {
     pub deepest: f64,
     /// Reach beyond contact [m].
     pub skin: f64,
-    /// Of each cluster.
-    pub inertia: Vec<Inertia>,
+    /// Clusters of one sphere and what they may touch of each other and of walls.
+    pub balls: Balls,
     /// Where clusters stood when the lists were made.
     origin: Vec<(u32, Pose)>,
     slots: Slots,
@@ -105,18 +97,9 @@ impl Neighbours {
         Self { skin, ..Self::default() }
     }
 
-    /// Takes over how heavy clusters are, which changes when one is let go.
-    pub fn weigh(&mut self, world: &World) {
-        self.inertia.clear();
-        self.inertia.extend(world.clusters.iter().map(|c| Inertia {
-            inverse_mass: c.inverse_mass(),
-            inverse_moments: c.inverse_moments(),
-            material: c.material,
-        }));
-    }
-
     /// Moves the spheres to where their clusters are.
     pub fn place(&mut self, state: &State) {
+        self.balls.place(state);
         for s in &mut self.spheres {
             s.place = state.pose[s.cluster as usize].to_space(s.local);
         }
@@ -156,33 +139,40 @@ impl Neighbours {
             .iter()
             .map(|&c| (c, form(c).bounds_at(&state.pose[c as usize]).inflated(0.5 * skin)))
             .collect();
-        let mut close: Vec<(u32, Partner)> = meeting(&bounds)
-            .into_iter()
-            .filter(|&(a, b)| {
-                let free = |c: u32| world.clusters[c as usize].is_free();
-                (mine(a) || mine(b)) && (free(a) || free(b)) && !apart(a, b)
-            })
-            .map(|(a, b)| (a, Partner::Cluster(b)))
-            .collect();
-        for &(c, _) in bounds.iter().filter(|(c, _)| mine(*c)) {
-            let cluster = &world.clusters[c as usize];
-            for w in 0..world.walls.len() as u32 {
-                let centre = state.pose[c as usize].position;
-                let reach = cluster.form.radius + skin;
-                if cluster.is_free()
-                    && !world.ignored.contains(&(cluster.group, w))
-                    && world.walls[w as usize].surface.distance(centre).0 < reach
-                {
-                    close.push((c, Partner::Wall(w)));
-                }
-            }
-        }
-        close.sort_unstable();
-
         self.pairs.clear();
         self.candidates.clear();
         self.spheres.clear();
         self.slots.clear();
+        self.balls.clear(world);
+        let mut close: Vec<(u32, Partner)> = Vec::new();
+        let free = |c: u32| world.clusters[c as usize].is_free();
+        for (a, b) in meeting(&bounds) {
+            if (mine(a) || mine(b)) && (free(a) || free(b)) && !apart(a, b) {
+                if form(a).is_ball() && form(b).is_ball() {
+                    self.balls.add_pair(state, world, [a, b], skin);
+                } else {
+                    close.push((a, Partner::Cluster(b)));
+                }
+            }
+        }
+        for &(c, _) in bounds.iter().filter(|(c, _)| mine(*c) && free(*c)) {
+            let (cluster, centre) = (&world.clusters[c as usize], state.pose[c as usize].position);
+            let reach = cluster.form.radius + skin;
+            for (w, wall) in (0..).zip(&world.walls) {
+                if wall.surface.distance(centre).0 >= reach
+                    || world.ignored.contains(&(cluster.group, w))
+                {
+                    continue;
+                }
+                if cluster.form.is_ball() {
+                    self.balls.add_wall(world, c, w);
+                } else {
+                    close.push((c, Partner::Wall(w)));
+                }
+            }
+        }
+        // Two sorted lists, one after the other.
+        close.sort();
         for (cluster, partner) in close {
             let first = self.candidates.len() as u32;
             self.add_candidates(state, world, cluster, partner);
@@ -191,6 +181,7 @@ impl Neighbours {
                 self.pairs.push(Pair { cluster, partner, first, end });
             }
         }
+        self.balls.recall(touches);
         self.recall(touches);
         self.origin.clear();
         self.origin
@@ -252,7 +243,7 @@ impl Neighbours {
 
     /// Pairs of spheres with something to remember, sorted.
     pub fn touches(&self) -> Vec<Touch> {
-        let mut touches = Vec::new();
+        let mut touches: Vec<Touch> = self.balls.touches().collect();
         for pair in &self.pairs {
             for k in pair.first as usize..pair.end as usize {
                 let (touching, rest) = (self.touching[k], self.rest[k]);
@@ -262,6 +253,7 @@ impl Neighbours {
                 }
             }
         }
+        touches.sort_by_key(|touch| touch.key);
         touches
     }
 
@@ -373,90 +365,5 @@ fn reaching(
         if (0..3).all(|k| y[k] > b.bounds.min[k] - reach && y[k] < b.bounds.max[k] + reach) {
             out.push((i, x, s.radius));
         }
-    }
-}
-
-/// The cell of a place that is not negative.
-#[inline]
-fn place(x: Vector3<f64>, cell: f64) -> Vector3<i64> {
-    x.map(|x| (x / cell) as i64)
-}
-
-/// All pairs of boxes that meet, the lower number first. Cost linear for boxes of like size.
-pub(super) fn meeting(boxes: &[(u32, Bounds)]) -> Vec<(u32, u32)> {
-    let mut pairs = Vec::new();
-    if boxes.len() < 2 {
-        return pairs;
-    }
-    let low = boxes.iter().fold(Vector3::repeat(f64::INFINITY), |low, b| low.inf(&b.1.min));
-    let mut sizes: Vec<f64> = boxes.iter().map(|b| (b.1.max - b.1.min).max()).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
-    let mut cell = 1.2 * sizes[sizes.len() / 2];
-    let range = |b: &Bounds, cell: f64| (place(b.min - low, cell), place(b.max - low, cell));
-    let count = |cell: f64| -> i64 {
-        boxes.iter().map(|b| range(&b.1, cell)).map(|(a, b)| (b - a).add_scalar(1).product()).sum()
-    };
-    // A few large ones among small ones must not fill the grid.
-    while count(cell) > 27 * boxes.len() as i64 {
-        cell *= 1.5;
-    }
-    // Cells in one number, and boxes.
-    let [_, wide, high] = <[i64; 3]>::from(boxes.iter().fold(Vector3::zeros(), |most, b| {
-        let (_, to) = range(&b.1, cell);
-        most.sup(&to.add_scalar(1))
-    }));
-    let number = |[i, j, k]: [i64; 3]| (i * wide + j) * high + k;
-    let mut entries: Vec<(i64, u32)> = Vec::new();
-    for (n, (_, bounds)) in (0..).zip(boxes) {
-        let (from, to) = range(bounds, cell);
-        for i in from.x..=to.x {
-            for j in from.y..=to.y {
-                for k in from.z..=to.z {
-                    entries.push((number([i, j, k]), n));
-                }
-            }
-        }
-    }
-    entries.sort_unstable();
-    for cellmates in entries.chunk_by(|a, b| a.0 == b.0) {
-        for (m, &(here, a)) in cellmates.iter().enumerate() {
-            for &(_, b) in &cellmates[m + 1..] {
-                let ((p, p_box), (q, q_box)) = (&boxes[a as usize], &boxes[b as usize]);
-                // A pair is found once: in the cell of its boxes' common lower corner.
-                let corner = p_box.min.sup(&q_box.min);
-                if p_box.meets(q_box) && number(place(corner - low, cell).into()) == here {
-                    pairs.push((*p.min(q), *p.max(q)));
-                }
-            }
-        }
-    }
-    pairs
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boxes_that_meet_are_found_once() {
-        let mut seed = 1u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let boxes: Vec<(u32, Bounds)> = (0..300)
-            .map(|i| {
-                let min = Vector3::new(random(), random(), random());
-                let size = if i % 50 == 0 { 0.7 } else { 0.08 };
-                (i, Bounds { min, max: min + Vector3::repeat(size * (0.5 + random())) })
-            })
-            .collect();
-        let mut found = meeting(&boxes);
-        found.sort_unstable();
-        let mut all = Vec::new();
-        for (i, a) in &boxes {
-            all.extend(boxes.iter().filter(|(j, b)| j > i && a.meets(b)).map(|(j, _)| (*i, *j)));
-        }
-        assert_eq!(found, all);
     }
 }

@@ -1,7 +1,7 @@
 //! All clusters, and their sub-cycle to the end of a flow step.
 
 use super::account::Account;
-use super::cluster::{Motion, State};
+use super::cluster::{Inertia, Motion, State};
 use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
 use super::motion::{self, Load};
@@ -68,6 +68,8 @@ pub struct Bodies {
     /// Longest stable one [s].
     limit: f64,
     near: Neighbours,
+    /// Of each cluster; it changes when one is let go.
+    inertia: Vec<Inertia>,
     /// Sub-steps until the lists must be looked at.
     unchecked: u32,
     twists: Vec<Twist>,
@@ -128,6 +130,7 @@ impl Bodies {
         let n = state.len();
         let mut bodies = Self {
             near: Neighbours::new(settings.skin * smallest.min(f64::MAX)),
+            inertia: Vec::new(),
             before: state.pose.clone(),
             twists: vec![Twist::default(); n],
             loads: vec![Load::default(); n],
@@ -145,10 +148,10 @@ impl Bodies {
             active: Vec::new(),
             cracked: Vec::new(),
         };
+        bodies.weigh();
         bodies.refresh();
         bodies.predict(0.0);
         bodies.ranks.update_ghosts(&mut bodies.state.pose, &mut bodies.twists);
-        bodies.near.weigh(&bodies.world);
         bodies.add_forces(0.0);
         Ok(bodies)
     }
@@ -174,7 +177,7 @@ impl Bodies {
     pub fn advance(&mut self, dt: f64, loads: &[Load]) {
         let (h, n) = self.sub_steps(dt);
         let begin = self.t;
-        self.near.weigh(&self.world);
+        self.weigh();
         self.loads.copy_from_slice(loads);
         for &c in self.ranks.local() {
             let c = c as usize;
@@ -198,16 +201,17 @@ impl Bodies {
         let gravity = self.world.gravity;
         for &c in self.ranks.owned() {
             let c = c as usize;
-            let cluster = &self.world.clusters[c];
-            if cluster.is_free() {
+            let inertia = &self.inertia[c];
+            if inertia.is_free() {
                 let load = &self.loads[c];
-                motion::kick(&mut self.state, c, cluster, gravity, load, half);
-                motion::drift(&mut self.state, c, cluster, h);
-                self.twists[c] = motion::predicted(&self.state, c, cluster, gravity, load, half);
+                motion::kick(&mut self.state, c, inertia, gravity, load, half);
+                motion::drift(&mut self.state, c, inertia, h);
+                self.twists[c] = motion::predicted(&self.state, c, inertia, gravity, load, half);
                 self.spent.work += h
                     * (load.force.dot(&self.state.velocity[c])
                         + load.torque.dot(&self.twists[c].spin));
             } else {
+                let cluster = &self.world.clusters[c];
                 self.twists[c] = motion::lead(&mut self.state, c, cluster, self.t, h);
             }
         }
@@ -221,15 +225,20 @@ impl Bodies {
         self.add_forces(h);
         for &c in self.ranks.owned() {
             let c = c as usize;
-            let cluster = &self.world.clusters[c];
-            if cluster.is_free() {
-                motion::kick(&mut self.state, c, cluster, gravity, &self.loads[c], half);
-            } else if cluster.motion != Motion::Fixed {
+            let inertia = &self.inertia[c];
+            if inertia.is_free() {
+                motion::kick(&mut self.state, c, inertia, gravity, &self.loads[c], half);
+            } else if self.world.clusters[c].motion != Motion::Fixed {
                 let Twist { velocity, spin } = self.twists[c];
                 self.spent.work -=
                     h * (self.state.force[c].dot(&velocity) + self.state.torque[c].dot(&spin));
             }
         }
+    }
+
+    fn weigh(&mut self) {
+        self.inertia.clear();
+        self.inertia.extend(self.world.clusters.iter().map(|c| c.inertia()));
     }
 
     /// Poses when the last `advance` began.
@@ -337,7 +346,7 @@ impl Bodies {
                 Motion::Free { .. } => motion::predicted(
                     &self.state,
                     c,
-                    cluster,
+                    &self.inertia[c],
                     self.world.gravity,
                     &self.loads[c],
                     half,
@@ -348,14 +357,14 @@ impl Bodies {
     }
 
     fn add_forces(&mut self, h: f64) {
-        let Self { state, near, joints, twists, world, ranks, spent, cracked, .. } = self;
+        let Self { state, near, inertia, joints, twists, world, ranks, spent, cracked, .. } = self;
         for &c in ranks.local() {
             state.force[c as usize] = Vector3::zeros();
             state.torque[c as usize] = Vector3::zeros();
         }
         let owned = ranks.is_owned();
         joints.add_forces(state, twists, &self.active, h, owned, spent, cracked);
-        contact::add_forces(state, near, twists, world, h, owned, spent);
+        contact::add_forces(state, near, inertia, twists, world, h, owned, spent);
         // Cracked faces feel contact from the next sub-step on.
         for j in cracked.drain(..) {
             let joint = joints.joints[j as usize];
@@ -394,7 +403,12 @@ impl Bodies {
 
     /// ω of a cluster now [rad/s].
     pub fn spin(&self, c: usize) -> Vector3<f64> {
-        motion::spin(&self.state, c, &self.world.clusters[c])
+        let cluster = &self.world.clusters[c];
+        if cluster.is_free() {
+            return motion::spin(&self.state, c, &cluster.inertia());
+        }
+        let inverse = cluster.moments.map(|i| 1.0 / i);
+        State::spin(&self.state.pose[c], &inverse, &self.state.angular_momentum[c])
     }
 
     /// Sets velocity [m/s] and spin [rad/s] of a cluster; before the first step.

@@ -3,9 +3,9 @@
 //! A common area is cut by a grid of n × n cells along its edges; each piece gives an integration point at
 //! its centroid with its area, so that the areas add up to the face whatever its outline.
 
+use super::broad_phase::meeting;
 use super::cluster::{Form, State};
 use super::contact::World;
-use super::neighbours::meeting;
 use crate::shape::{Pose, Shape};
 use nalgebra::{Vector2, Vector3};
 
@@ -77,9 +77,7 @@ pub fn close_pairs(state: &State, world: &World, which: &[u32], gap: f64) -> Vec
         (c, world.clusters[c as usize].form.bounds_at(pose).inflated(0.5 * gap + 1e-12))
     };
     let boxes: Vec<_> = which.iter().map(bounds).collect();
-    let mut pairs: Vec<[u32; 2]> = meeting(&boxes).into_iter().map(|(a, b)| [a, b]).collect();
-    pairs.sort_unstable();
-    pairs
+    meeting(&boxes).into_iter().map(|(a, b)| [a, b]).collect()
 }
 
 /// Common faces of the pairs of clusters, `across` points along each side; gaps up to `gap` [m] count as
