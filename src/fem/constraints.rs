@@ -38,6 +38,12 @@ impl Constraint {
     pub fn project(&self, v: [f64; 3]) -> [f64; 3] {
         self.free.map(|row| dot(row, v))
     }
+    /// The free part of a velocity and pressure.
+    #[inline]
+    pub fn project_all(&self, v: [f64; 4]) -> [f64; 4] {
+        let u = self.project([v[0], v[1], v[2]]);
+        [u[0], u[1], u[2], if self.pressure_given == 1 { 0.0 } else { v[3] }]
+    }
 }
 
 /// The constraints of all local nodes, and where their values come from.

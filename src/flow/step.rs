@@ -4,6 +4,8 @@
 
 mod assembly;
 
+use assembly::add;
+
 use super::material::Material;
 use super::open_boundary::OpenFace;
 use super::slivers::{self, Entry, WithEntries};
@@ -20,7 +22,7 @@ use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{norm, triangle_normal};
 use crate::linear::{
     BlockCsr, Converged, DistributedOperator, Diverged, InnerProduct, KrylovSettings, NodeGraph,
-    OwnedProduct, SchurPreconditioner, Workspace, fgmres, residual_weights,
+    OwnedProduct, Reason, SchurPreconditioner, Workspace, fgmres, residual_weights,
 };
 use crate::mesh::MeshPart;
 use std::time::{Duration, Instant};
@@ -31,6 +33,10 @@ const START_STEPS: u64 = 2;
 const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
 const RESTART: u32 = 15;
+/// The matrix is stored in single precision: good for a change that leaves this much of the equations...
+const TRUSTED: f64 = 1e-4;
+/// ... and, where less is asked for, used down to this before what is left is computed anew.
+const DEEPEST: f64 = 1e-6;
 
 /// State and system of the flow on this rank.
 pub struct Flow {
@@ -61,12 +67,16 @@ pub struct Flow {
     open_faces: Vec<(u32, [u32; 3])>,
     /// Size of the smallest element on any rank [m].
     smallest: f64,
-    matrix: BlockCsr<4>,
+    /// Of the change of `x` (`solve`).
+    matrix: BlockCsr<4, f32>,
     pressure: BlockCsr<1>,
     /// Entries of the ghost penalty that the matrix has no place for.
     across: Vec<Entry>,
     constrained_entries: Vec<(u32, u32, u32)>,
     rhs: Vec<[f64; 4]>,
+    /// What `x` leaves of the equations.
+    left: Vec<[f64; 4]>,
+    change: Vec<[f64; 4]>,
     x: Vec<[f64; 4]>,
     /// What the solve of this step began with, if the step is done again.
     again: Option<f64>,
@@ -158,6 +168,8 @@ impl Flow {
             open_faces,
             smallest,
             rhs: vec![[0.0; 4]; n],
+            left: vec![[0.0; 4]; n],
+            change: vec![[0.0; 4]; n],
             x: vec![[0.0; 4]; n],
             again: None,
             began: 0.0,
@@ -250,24 +262,14 @@ impl Flow {
             }
             let clock = Instant::now();
             self.laplacian = laplacian(part, cut, &self.constraints.nodes, &self.a);
-            self.assemble(part, cut, surfaces, material, dt, theta);
-            self.assemble_slivers(part, cut, material, dt);
-            self.constrain();
-            self.fix_dry_nodes(cut);
             report.assembly += clock.elapsed();
-            let clock = Instant::now();
-            let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
-                viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
-            });
-            self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
-            let solved = self.solve(starting, again)?;
-            report.solve += clock.elapsed();
+            let solved =
+                self.solve(part, cut, surfaces, material, [dt, theta], again, &mut report)?;
             report.iterations += solved.iterations;
             if pass == 0 {
                 report.initial_residual = again.unwrap_or(solved.initial);
             }
             report.residual = solved.residual;
-            part.exchange.update_ghosts(&mut self.x);
         }
 
         std::mem::swap(&mut self.u_old, &mut self.u);
@@ -304,33 +306,93 @@ impl Flow {
         self.again = Some(self.began);
     }
 
-    /// Residuals are measured as power: |r_u|²/a + r_p²/l, with the diagonals of the momentum rows
-    /// and of the pressure operator.
-    fn solve(&mut self, starting: bool, again: Option<f64>) -> Result<Converged, Diverged> {
-        residual_weights(&self.matrix, &self.pressure, &mut self.weights);
-        let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
-        let rhs = self.rhs.as_flattened();
-
+    /// Changes `x` until what it leaves of the equations is small enough, measured as power: |r_u|²/a + r_p²/l,
+    /// with the diagonals of the momentum rows and of the pressure operator.
+    ///
+    /// What is left is summed over the elements in double precision, and only changes are found with a matrix in
+    /// single: iterative refinement, in one round for the tolerances of ordinary steps.
+    fn solve(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        surfaces: &[Surface],
+        material: &Material,
+        [dt, theta]: [f64; 2],
+        again: Option<f64>,
+        report: &mut FlowReport,
+    ) -> Result<Converged, Diverged> {
+        let starting = self.steps < START_STEPS;
         let relative =
             if starting { self.tolerance.min(self.start_tolerance) } else { self.tolerance };
-        // A step done again is solved as well as it was, not better.
-        let settings = KrylovSettings {
-            relative: if again.is_some() { 0.0 } else { relative },
-            absolute: (FLOOR * product.dot(rhs, rhs).sqrt()).max(again.unwrap_or(0.0) * relative),
-            max_iterations: self.max_iterations,
-            restart: RESTART,
-        };
-        let matrix = DistributedOperator::new(&self.matrix, &self.graph.halo);
-        let constraints = &self.constraints.nodes;
-        fgmres(
-            &WithEntries { matrix, entries: &self.across, constraints },
-            &mut self.preconditioner,
-            &product,
-            rhs,
-            self.x.as_flattened_mut(),
-            &settings,
-            &mut self.workspace,
-        )
+        let mut done = Converged { iterations: 0, initial: 0.0, residual: f64::INFINITY };
+        let mut target = 0.0;
+        for round in 0.. {
+            let clock = Instant::now();
+            self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
+            report.assembly += clock.elapsed();
+            let clock = Instant::now();
+            if round == 0 {
+                residual_weights(&self.matrix, &self.pressure, &mut self.weights);
+            }
+            let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
+            let size = |v: &Vec<[f64; 4]>| product.dot(v.as_flattened(), v.as_flattened()).sqrt();
+            let before = std::mem::replace(&mut done.residual, size(&self.left));
+            if round == 0 {
+                done.initial = done.residual;
+                // A step done again is solved as well as it was, not better.
+                target = (FLOOR * size(&self.rhs)).max(relative * again.unwrap_or(done.initial));
+            }
+            if done.residual <= target {
+                return Ok(done);
+            }
+            let failed = |iterations, reason| {
+                let Converged { initial, residual, .. } = done;
+                Diverged { iterations, initial, residual, reason }
+            };
+            if done.residual > 0.5 * before {
+                return Err(failed(done.iterations, Reason::Stagnated));
+            }
+            if round == 0 {
+                let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
+                    viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
+                });
+                self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
+            }
+            let reduction = target / done.residual;
+            let settings = KrylovSettings {
+                relative: reduction.max(DEEPEST),
+                absolute: 0.0,
+                max_iterations: self.max_iterations - done.iterations,
+                restart: RESTART,
+            };
+            let matrix = DistributedOperator::new(&self.matrix, &self.graph.halo);
+            let constraints = &self.constraints.nodes;
+            let solved = fgmres(
+                &WithEntries { matrix, entries: &self.across, constraints },
+                &mut self.preconditioner,
+                &product,
+                self.left.as_flattened(),
+                self.change.as_flattened_mut(),
+                &settings,
+                &mut self.workspace,
+            )
+            .map_err(|error| Diverged {
+                residual: error.residual,
+                ..failed(done.iterations + error.iterations, error.reason)
+            })?;
+            done.iterations += solved.iterations;
+            let constraints = self.constraints.nodes.iter();
+            for ((x, change), c) in self.x.iter_mut().zip(&self.change).zip(constraints) {
+                add(x, &c.project_all(*change));
+            }
+            part.exchange.update_ghosts(&mut self.x);
+            report.solve += clock.elapsed();
+            if reduction >= TRUSTED {
+                done.residual = solved.residual;
+                return Ok(done);
+            }
+        }
+        unreachable!("rounds end with success or failure")
     }
 
     /// u' of every local element and, on the way, the energies of all owned ones. Collective.

@@ -23,14 +23,14 @@ pub fn operators(
     cut: &CutMesh,
     material: &Material,
     constraints: &Constraints,
-    matrix: &BlockCsr<4>,
+    matrix: &BlockCsr<4, f32>,
     theta: f64,
 ) -> ViscousOperators {
     let n = part.n_owned();
     let mut velocity: [BlockCsr<1>; 3] = std::array::from_fn(|_| BlockCsr::zero(&matrix.pattern));
     for (c, velocity) in velocity.iter_mut().enumerate() {
         for (v, block) in velocity.values.iter_mut().zip(&matrix.values) {
-            *v = [[block[c][c]]];
+            *v = [[f64::from(block[c][c])]];
         }
     }
     let mut mobility = vec![0.0; n];

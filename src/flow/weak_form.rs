@@ -50,6 +50,20 @@ pub struct ElementSystem {
     pub pressure: [f64; 16],
 }
 
+impl ElementSystem {
+    /// What corner values `x` leave of the equations of test node `i`.
+    #[inline]
+    pub fn left(&self, i: usize, x: &[[f64; 4]; 4]) -> [f64; 4] {
+        let mut left = self.rhs[i];
+        for (block, x) in self.matrix[4 * i..4 * i + 4].iter().zip(x) {
+            for (left, row) in left.iter_mut().zip(block) {
+                *left -= (row[0] * x[0] + row[1] * x[1]) + (row[2] * x[2] + row[3] * x[3]);
+            }
+        }
+        left
+    }
+}
+
 /// Vectors with a fourth entry each, so that a row of a block fills SIMD lanes.
 #[inline]
 fn lanes(v: [[f64; 3]; 4], last: [f64; 4]) -> [[f64; 4]; 4] {

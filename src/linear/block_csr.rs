@@ -4,19 +4,27 @@ use super::pattern::Pattern;
 use std::ops::Range;
 use std::sync::Arc;
 
+/// What values are stored as; sums are of doubles.
+pub trait Value: Copy + Default + Into<f64> {}
+impl Value for f64 {}
+impl Value for f32 {}
+
 /// Row-compressed matrix of B×B blocks (row-major inside a block).
 #[derive(Clone, Debug)]
-pub struct BlockCsr<const B: usize> {
+pub struct BlockCsr<const B: usize, T = f64> {
     /// Its entries: rows are owned nodes, columns are local nodes.
     pub pattern: Arc<Pattern>,
     /// The blocks: `values[entry][r][c]`.
-    pub values: Vec<[[f64; B]; B]>,
+    pub values: Vec<[[T; B]; B]>,
 }
 
-impl<const B: usize> BlockCsr<B> {
+impl<const B: usize, T: Value> BlockCsr<B, T> {
     /// Zero matrix.
     pub fn zero(pattern: &Arc<Pattern>) -> Self {
-        Self { pattern: pattern.clone(), values: vec![[[0.0; B]; B]; pattern.columns.len()] }
+        Self {
+            pattern: pattern.clone(),
+            values: vec![[[T::default(); B]; B]; pattern.columns.len()],
+        }
     }
 
     /// Rows.
@@ -32,7 +40,7 @@ impl<const B: usize> BlockCsr<B> {
 
     /// Columns and blocks of row i.
     #[inline]
-    pub fn entries(&self, i: usize) -> impl Iterator<Item = (usize, &[[f64; B]; B])> {
+    pub fn entries(&self, i: usize) -> impl Iterator<Item = (usize, &[[T; B]; B])> {
         let columns = self.pattern.columns_of(i).iter().map(|&j| j as usize);
         columns.zip(&self.values[self.row(i)])
     }
@@ -48,7 +56,7 @@ impl<const B: usize> BlockCsr<B> {
                 let xj = &x[j];
                 for r in 0..B {
                     for c in 0..B {
-                        sum[r][c] += block[r][c] * xj[c];
+                        sum[r][c] += block[r][c].into() * xj[c];
                     }
                 }
             }
@@ -58,12 +66,12 @@ impl<const B: usize> BlockCsr<B> {
 
     /// The diagonal block of row i.
     #[inline]
-    pub fn diagonal(&self, i: usize) -> &[[f64; B]; B] {
+    pub fn diagonal(&self, i: usize) -> &[[T; B]; B] {
         &self.values[self.pattern.diagonals()[i] as usize]
     }
 
     /// All values zero.
     pub fn clear(&mut self) {
-        self.values.fill([[0.0; B]; B]);
+        self.values.fill([[T::default(); B]; B]);
     }
 }

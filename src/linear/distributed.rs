@@ -2,7 +2,7 @@
 //!
 //! The only file of this room that names `partition`. Everything else is written as for one rank.
 
-use super::block_csr::BlockCsr;
+use super::block_csr::{BlockCsr, Value};
 use super::krylov::PIECE;
 use super::operator::{InnerProduct, Operator};
 use super::pattern::{ElementPlaces, Pattern};
@@ -198,19 +198,19 @@ impl NodeGraph {
 
 /// A matrix whose rows are spread over ranks.
 #[derive(Clone, Copy, Debug)]
-pub struct DistributedOperator<'a, const B: usize> {
-    matrix: &'a BlockCsr<B>,
+pub struct DistributedOperator<'a, const B: usize, T = f64> {
+    matrix: &'a BlockCsr<B, T>,
     halo: &'a Halo,
 }
 
-impl<'a, const B: usize> DistributedOperator<'a, B> {
+impl<'a, const B: usize, T> DistributedOperator<'a, B, T> {
     /// `matrix` has the pattern `halo` was made for.
-    pub fn new(matrix: &'a BlockCsr<B>, halo: &'a Halo) -> Self {
+    pub fn new(matrix: &'a BlockCsr<B, T>, halo: &'a Halo) -> Self {
         Self { matrix, halo }
     }
 }
 
-impl<const B: usize> Operator for DistributedOperator<'_, B> {
+impl<const B: usize, T: Value> Operator for DistributedOperator<'_, B, T> {
     fn apply(&self, x: &mut [f64], y: &mut [f64]) {
         let (x, _) = x.as_chunks_mut::<B>();
         let (y, _) = y.as_chunks_mut::<B>();

@@ -10,7 +10,7 @@ use super::operator::{InnerProduct, Operator, Preconditioner};
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KrylovSettings {
-    /// Residual to reach, relative to the initial one ‖b − A x₀‖.
+    /// Residual to reach, relative to the initial one.
     pub relative: f64,
     /// Residual that is small enough whatever the initial one was.
     pub absolute: f64,
@@ -101,10 +101,17 @@ const SLOW: f64 = 0.5;
 const MORE: usize = 4;
 
 impl Workspace {
-    /// For `m` directions of length `n`.
+    /// For `m` directions of length `n`; the first vector of the basis stays.
+    ///
+    /// Memory of a new vector of zeros is taken when it is written to: directions that no solve needs cost none.
     fn make_room(&mut self, n: usize, m: usize) {
-        self.basis.resize((m + 1) * n, 0.0);
-        self.preconditioned.resize(m * n, 0.0);
+        if self.basis.len() < (m + 1) * n {
+            let old = std::mem::replace(&mut self.basis, vec![0.0; (m + 1) * n]);
+            self.basis[..n.min(old.len())].copy_from_slice(&old[..n.min(old.len())]);
+        }
+        if self.preconditioned.len() < m * n {
+            self.preconditioned = vec![0.0; m * n];
+        }
         self.z.resize(n, 0.0);
         self.hessenberg.resize(m * (m + 2), 0.0);
         self.again.resize(m + 2, 0.0);
@@ -113,9 +120,9 @@ impl Workspace {
     }
 }
 
-/// Flexible GMRES(restart) from the initial guess in `x`. With a fixed preconditioner it is GMRES.
+/// Flexible GMRES(restart) from zero. With a fixed preconditioner it is GMRES.
 ///
-/// `b`, `x` of local length. On `Err`, `x` holds the last iterate, unless it was not finite.
+/// `b`, `x` of local length; `x` is set. On `Err`, `x` holds the last iterate, unless it was not finite.
 pub fn fgmres(
     A: &impl Operator,
     M: &mut impl Preconditioner,
@@ -129,8 +136,10 @@ pub fn fgmres(
     let most = MORE * m;
     work.make_room(n, m);
 
-    let mut residual = residual(A, product, b, x, &mut work.basis[..n]);
-    let initial = residual;
+    x.fill(0.0);
+    work.basis[..n].copy_from_slice(b);
+    let initial = product.dot(b, b).sqrt();
+    let mut residual = initial;
     let target = settings.absolute.max(settings.relative * initial);
     let mut iterations = 0;
     let fail = |reason, iterations, residual| Diverged { iterations, initial, residual, reason };

@@ -14,7 +14,7 @@ pub mod relaxation;
 pub mod schur;
 pub mod viscous;
 
-pub use block_csr::BlockCsr;
+pub use block_csr::{BlockCsr, Value};
 pub use distributed::{DistributedOperator, Halo, NodeGraph, OwnedProduct};
 pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgmres};
 pub use multigrid::{Multigrid, MultigridSettings};

@@ -11,7 +11,7 @@
 
 #![allow(non_snake_case)]
 
-use super::block_csr::BlockCsr;
+use super::block_csr::{BlockCsr, Value};
 use super::distributed::Halo;
 use super::multigrid::Multigrid;
 use super::operator::Preconditioner;
@@ -91,7 +91,12 @@ impl SchurPreconditioner {
     /// of A are regular; a node with constrained velocity or pressure has identity-like rows and
     /// columns, in `l` too. `viscous` if viscosity rules, on all ranks or on none. Nothing is kept
     /// from earlier calls but memory.
-    pub fn setup(&mut self, a: &BlockCsr<4>, l: &BlockCsr<1>, viscous: Option<&ViscousOperators>) {
+    pub fn setup(
+        &mut self,
+        a: &BlockCsr<4, impl Value>,
+        l: &BlockCsr<1>,
+        viscous: Option<&ViscousOperators>,
+    ) {
         self.multigrid.setup(l);
         self.viscous = viscous.map(|operators| {
             let mut correction = ViscousCorrection::new(&self.halo);
@@ -119,16 +124,16 @@ impl SchurPreconditioner {
             let row = &a.values[a.row(i)];
             let n_left = self.left.row(i).len();
             for v in &row[..n_left] {
-                let block: [f32; 12] = std::array::from_fn(|k| v[k % 3][k / 3] as f32);
+                let block: [f32; 12] = std::array::from_fn(|k| v[k % 3][k / 3].into() as f32);
                 self.left_blocks.extend_from_slice(&block);
             }
-            let own = &row[n_left];
+            let own = row[n_left].map(|row| row.map(Into::into));
             let gradient = [own[0][3], own[1][3], own[2][3], 0.0].map(|g| g as f32);
-            self.nodes.push(Own { inverse: inverse(own), gradient });
+            self.nodes.push(Own { inverse: inverse(&own), gradient });
             for v in &row[n_left + 1..] {
-                let block: [f32; 9] = std::array::from_fn(|k| v[k % 3][k / 3] as f32);
+                let block: [f32; 9] = std::array::from_fn(|k| v[k % 3][k / 3].into() as f32);
                 self.right_blocks.extend_from_slice(&block);
-                self.right_gradients.extend_from_slice(&[0, 1, 2].map(|r| v[r][3] as f32));
+                self.right_gradients.extend_from_slice(&[0, 1, 2].map(|r| v[r][3].into() as f32));
             }
         }
         for list in [&mut self.left_blocks, &mut self.right_gradients, &mut self.right_blocks] {
@@ -270,10 +275,12 @@ fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 4]; 3] {
 /// Weights of the inner product in which residuals are measured, for each owned unknown: 1/a_ii of
 /// the momentum rows and 1/l_ii of the continuity row. Residuals squared are then energies, whatever
 /// the densities; a mass defect and a momentum defect count alike.
-pub fn residual_weights(a: &BlockCsr<4>, l: &BlockCsr<1>, weights: &mut Vec<f64>) {
+pub fn residual_weights(a: &BlockCsr<4, impl Value>, l: &BlockCsr<1>, weights: &mut Vec<f64>) {
     weights.clear();
     for i in 0..a.n_rows() {
         let (block, l) = (a.diagonal(i), l.diagonal(i)[0][0]);
-        weights.extend([block[0][0], block[1][1], block[2][2], l].map(|d| 1.0 / d));
+        weights.extend(
+            [block[0][0].into(), block[1][1].into(), block[2][2].into(), l].map(|d| 1.0 / d),
+        );
     }
 }

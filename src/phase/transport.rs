@@ -195,7 +195,6 @@ pub(super) fn step(
         for r in &mut s.residual {
             *r = -*r;
         }
-        s.change.fill(0.0);
         s.last.copy_from_slice(&phase.phi);
         let solved = fgmres(
             &DistributedOperator::new(&s.matrix, &s.graph.halo),

@@ -70,6 +70,7 @@ impl Flow {
         WallElement { element, pieces: &c.pieces, surface, x, method: self.wall, swept }
     }
 
+    /// What `x` leaves of the equations and, with `matrix`, the matrix of its change.
     pub(super) fn assemble(
         &mut self,
         part: &MeshPart,
@@ -78,10 +79,14 @@ impl Flow {
         material: &Material,
         dt: f64,
         theta: f64,
+        matrix: bool,
     ) {
-        self.matrix.clear();
-        self.pressure.clear();
+        if matrix {
+            self.matrix.clear();
+            self.pressure.clear();
+        }
         self.rhs.fill([0.0; 4]);
+        self.left.fill([0.0; 4]);
         let n_owned = part.n_owned();
         for e in 0..part.n_assembled_elements {
             let cell = cut.cell(e);
@@ -99,20 +104,23 @@ impl Flow {
                 _ => element.system(&Whole(element.geometry.volume)),
             };
             let tet = &part.mesh.tets[e];
+            let x = tet.map(|n| self.x[n as usize]);
             for i in 0..4 {
-                if tet[i] as usize >= n_owned {
+                let node = tet[i] as usize;
+                if node >= n_owned {
                     continue;
                 }
-                let rhs = &mut self.rhs[tet[i] as usize];
-                for k in 0..4 {
-                    rhs[k] += system.rhs[i][k];
+                add(&mut self.rhs[node], &system.rhs[i]);
+                add(&mut self.left[node], &system.left(i, &x));
+                if !matrix {
+                    continue;
                 }
                 for (j, at) in self.graph.entries(e, tet, i).into_iter().enumerate() {
                     let block = self.matrix.values[at].as_flattened_mut();
                     for (block, add) in
                         block.iter_mut().zip(system.matrix[4 * i + j].as_flattened())
                     {
-                        *block += add;
+                        *block += *add as f32;
                     }
                     self.pressure.values[at][0][0] += system.pressure[4 * i + j];
                 }
@@ -120,11 +128,17 @@ impl Flow {
         }
         // Where structures move, the continuity equation counts the very volume that nodes gain by it.
         if self.wall == Method::Nitsche {
-            for (rhs, gained) in self.rhs.iter_mut().zip(&cut.gained).take(part.n_owned()) {
-                rhs[3] -= gained / dt;
+            for (left, gained) in self.left.iter_mut().zip(&cut.gained).take(part.n_owned()) {
+                left[3] -= gained / dt;
             }
         }
-        self.assemble_open_faces(part, cut, material, theta);
+        self.assemble_open_faces(part, cut, material, theta, matrix);
+        self.assemble_slivers(part, cut, material, dt, matrix);
+        self.constrain_left(cut);
+        if matrix {
+            self.constrain_matrix();
+            self.fix_dry_nodes(cut);
+        }
     }
 
     fn assemble_open_faces(
@@ -133,6 +147,7 @@ impl Flow {
         cut: &CutMesh,
         material: &Material,
         theta: f64,
+        matrix: bool,
     ) {
         for f in 0..self.open_faces.len() {
             let Some(face) = self.open_face(part, cut, material, f, &self.u, theta) else {
@@ -145,13 +160,15 @@ impl Flow {
                 if n[i] >= part.n_owned() {
                     continue;
                 }
+                let left = &mut self.left[n[i]];
                 for k in 0..3 {
-                    self.rhs[n[i]][k] += rhs[i][k];
+                    let x = (0..3).map(|j| mass[i][j] * self.x[n[j]][k]).sum::<f64>();
+                    left[k] += rhs[i][k] - c * x;
                 }
-                for j in 0..3 {
+                for j in (0..3).filter(|_| matrix) {
                     let slot = self.matrix.pattern.entry(nodes[i], nodes[j]) as usize;
                     for k in 0..3 {
-                        self.matrix.values[slot][k][k] += c * mass[i][j];
+                        self.matrix.values[slot][k][k] += (c * mass[i][j]) as f32;
                     }
                 }
             }
@@ -213,14 +230,8 @@ impl Flow {
             };
             let x = part.mesh.tets[e].map(|n| self.x[n as usize]);
             for (i, place) in part.mesh.corners(e).into_iter().enumerate() {
-                let row = |k: usize| {
-                    let terms = (0..4).map(|j| {
-                        let row = &system.matrix[4 * i + j][k];
-                        (0..4).map(|c| row[c] * x[j][c]).sum::<f64>()
-                    });
-                    terms.sum::<f64>() - system.rhs[i][k]
-                };
-                left.add([row(0), row(1), row(2)], place);
+                let [a, b, c, _] = system.left(i, &x);
+                left.add([-a, -b, -c], place);
             }
         }
         for (f, (e, nodes)) in self.open_faces.iter().enumerate() {
@@ -245,12 +256,13 @@ impl Flow {
     }
 
     /// The ghost penalty on faces of cut elements.
-    pub(super) fn assemble_slivers(
+    fn assemble_slivers(
         &mut self,
         part: &MeshPart,
         cut: &CutMesh,
         material: &Material,
         dt: f64,
+        matrix: bool,
     ) {
         self.across.clear();
         for face in &cut.ghost_faces {
@@ -261,29 +273,25 @@ impl Flow {
                 }
                 for (j, &column) in face.nodes.iter().enumerate() {
                     let value = c * face.jump[i] * face.jump[j];
+                    let x = self.x[column as usize];
+                    for k in 0..3 {
+                        self.left[row as usize][k] -= value * x[k];
+                    }
                     if i.min(j) == 3 && i != j {
                         self.across.push(Entry { row, column, value });
-                    } else {
+                    } else if matrix {
                         let slot = self.matrix.pattern.entry(row, column) as usize;
                         for k in 0..3 {
-                            self.matrix.values[slot][k][k] += value;
+                            self.matrix.values[slot][k][k] += value as f32;
                         }
                     }
                 }
             }
         }
-        // What is given of the column's node goes to the right-hand side, as in `constrain`.
-        for &Entry { row, column, value } in &self.across {
-            let x = self.x[column as usize];
-            let free = self.constraints.nodes[column as usize].project([x[0], x[1], x[2]]);
-            for k in 0..3 {
-                self.rhs[row as usize][k] -= value * (x[k] - free[k]);
-            }
-        }
     }
 
     /// Nodes without fluid keep what they have.
-    pub(super) fn fix_dry_nodes(&mut self, cut: &CutMesh) {
+    fn fix_dry_nodes(&mut self, cut: &CutMesh) {
         let n_owned = self.matrix.n_rows();
         for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
             let at = self.matrix.pattern.diagonals()[i] as usize;
@@ -292,31 +300,30 @@ impl Flow {
                 self.matrix.values[at][k][k] = 1.0;
             }
             self.pressure.values[at] = [[1.0]];
-            self.rhs[i] = self.x[i];
         }
     }
 
-    /// `A ← P A P + (I−P) D`, `b ← P (b − A g) + (I−P) D g`, `g` the given part of `x`.
-    pub(super) fn constrain(&mut self) {
+    /// `r ← P r`: what is given is in `x` already.
+    fn constrain_left(&mut self, cut: &CutMesh) {
+        let n_owned = self.matrix.n_rows();
+        for (left, c) in self.left[..n_owned].iter_mut().zip(&self.constraints.nodes) {
+            *left = c.project_all(*left);
+        }
+        for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
+            self.left[i] = [0.0; 4];
+        }
+    }
+
+    /// `A ← P A P + (I−P) D`.
+    fn constrain_matrix(&mut self) {
         let nodes = &self.constraints.nodes;
         for &(entry, i, j) in &self.constrained_entries {
             let (ci, cj) = (&nodes[i as usize], &nodes[j as usize]);
-            let block = &mut self.matrix.values[entry as usize];
-            let original = *block;
+            let stored = &mut self.matrix.values[entry as usize];
+            let original = stored.map(|row| row.map(f64::from));
+            let mut block = original;
             if !cj.is_free() {
-                let x = &self.x[j as usize];
-                let free = cj.project([x[0], x[1], x[2]]);
-                let mut given: [f64; 4] = [x[0] - free[0], x[1] - free[1], x[2] - free[2], 0.0];
-                if cj.pressure_given == 1 {
-                    given[3] = x[3];
-                }
-                let rhs = &mut self.rhs[i as usize];
-                for r in 0..4 {
-                    for c in 0..4 {
-                        rhs[r] -= original[r][c] * given[c];
-                    }
-                }
-                for row in block.iter_mut() {
+                for row in &mut block {
                     let v = cj.project([row[0], row[1], row[2]]);
                     row[..3].copy_from_slice(&v);
                     if cj.pressure_given == 1 {
@@ -348,26 +355,14 @@ impl Flow {
             } else if ci.pressure_given == 1 || cj.pressure_given == 1 {
                 self.pressure.values[entry as usize][0][0] = 0.0;
             }
+            *stored = block.map(|row| row.map(|v| v as f32));
         }
-        // Rows that are given: P b + (I−P) D g, after all their columns have been moved to b.
-        for i in 0..self.matrix.n_rows() {
-            let c = &nodes[i];
-            if c.is_free() {
-                continue;
-            }
-            let diagonal = self.matrix.diagonal(i);
-            let x = self.x[i];
-            let free_x = c.project([x[0], x[1], x[2]]);
-            let b = &mut self.rhs[i];
-            let free_b = c.project([b[0], b[1], b[2]]);
-            let given: [f64; 3] = std::array::from_fn(|k| x[k] - free_x[k]);
-            for r in 0..3 {
-                // D acts on (I−P)g alone: P A P g = 0.
-                b[r] = free_b[r] + (0..3).map(|k| diagonal[r][k] * given[k]).sum::<f64>();
-            }
-            if c.pressure_given == 1 {
-                b[3] = diagonal[3][3] * x[3];
-            }
-        }
+    }
+}
+
+#[inline]
+pub(super) fn add(sum: &mut [f64; 4], v: &[f64; 4]) {
+    for k in 0..4 {
+        sum[k] += v[k];
     }
 }
