@@ -4,6 +4,8 @@ mod checkpoint;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::{Case, MeshSource};
+use crate::coupling::riders::Rider;
+use crate::coupling::thickness::Thin;
 use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
@@ -67,6 +69,8 @@ pub struct Simulation {
     /// (6V)^(1/3) of the smallest element [m].
     smallest: f64,
     gauges: Option<Gauges>,
+    /// Gauges on surfaces.
+    riders: Vec<Rider>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
     /// Points of bodies that are recorded.
@@ -193,6 +197,7 @@ impl Simulation {
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
         let solid = if structures.move_at_all() { &[][..] } else { &cut.dry_nodes };
         let gauges = Some(Gauges::new(&case, &part, solid)?);
+        let riders = structures.riders(&case, bodies.as_ref())?;
         let graph = setup::graph(&part);
         let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
@@ -218,6 +223,7 @@ impl Simulation {
             size: Size { nodes: balance.nodes(), elements: balance.elements() },
             smallest: setup::smallest_cell(&part),
             gauges,
+            riders,
             inflow,
             inflow_values: Vec::new(),
             tracked: tracked.unwrap_or_default(),
@@ -346,6 +352,9 @@ impl Simulation {
         });
         let end = self.case.time.end;
         let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
+        for thin in self.thin_structures() {
+            progress.say(&thin);
+        }
         let begun = self.clock.step;
         let mut flow_iterations = 0;
         if after.is_none() {
@@ -391,6 +400,21 @@ impl Simulation {
         Ok(summary)
     }
 
+    /// A sentence for each structure that is too thin for the mesh somewhere. Collective.
+    pub fn thin_structures(&self) -> Vec<String> {
+        let thin = self.structures.thin(&self.part, self.bodies.as_ref(), self.clock.t);
+        let sentence = |thin: &Thin| {
+            let Thin { structure, place: [x, y, z], thickness, elements, share } = thin;
+            let name = self.structures.name(&self.case, self.bodies.as_ref(), *structure);
+            format!(
+                "thin:    {name} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and \
+                 less than 2 on {:.0} % of its surface: the flow may not see it as it is",
+                100.0 * share
+            )
+        };
+        thin.iter().map(sentence).collect()
+    }
+
     /// Makes the folder for the results and puts the case as used into it. Collective.
     fn open_folder(&self, folder: &Path) -> Result<(), io::Error> {
         let made = if self.part.comm.rank() == 0 {
@@ -425,6 +449,7 @@ impl Simulation {
             distance: &self.cut.distance,
             dry: &self.cut.dry_nodes,
             loads: &self.loads[..self.structures.first_body()],
+            riding: self.structures.ride(&self.riders, self.clock.t),
         }
     }
 

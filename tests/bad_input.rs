@@ -253,7 +253,7 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
     (
         "[[gauge]]\nname = \"H1\"",
         "[[obstacle]]\nname = \"pier\"\n\n[[gauge]]\nname = \"H1\"",
-        ":40: obstacle[1]: needs one of cuboid, sphere, cylinder, surface, terrain",
+        ":40: obstacle[1]: needs one of cuboid, sphere, cylinder, points, surface, terrain",
     ),
     (
         "[[gauge]]\nname = \"H1\"",

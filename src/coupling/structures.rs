@@ -16,8 +16,8 @@ use nalgebra::Vector3;
 /// All of them: obstacles first, then bodies.
 #[derive(Clone, Debug)]
 pub struct Structures {
-    obstacles: Obstacles,
-    nodes: Nodes,
+    pub(super) obstacles: Obstacles,
+    pub(super) nodes: Nodes,
     /// How bodies hold the fluid.
     wall: Wall,
     /// Around the mesh.
@@ -64,6 +64,19 @@ impl Structures {
         self.obstacles.names()
     }
 
+    /// What to call one of them in a sentence.
+    pub fn name(&self, case: &Case, bodies: Option<&Bodies>, structure: usize) -> String {
+        match (structure.checked_sub(self.first_body()), bodies, &case.bodies) {
+            (Some(body), Some(bodies), Some(asked)) => {
+                let group = bodies.world.clusters[body].group;
+                let first = bodies.world.clusters.iter().position(|c| c.group == group);
+                let number = body - first.expect("it is one of them") + 1;
+                format!("body \"{}\", number {number} of its kind,", asked.bodies[group as usize].name)
+            }
+            _ => format!("obstacle \"{}\"", case.obstacles[structure].name),
+        }
+    }
+
     /// Cells that the fastest wall crosses a second: its speed across over the cell's size that way. Collective.
     pub fn crossing_rate(&self, part: &MeshPart, cut: &CutMesh, t: f64, dt: f64) -> f64 {
         let surfaces = self.surfaces(t, dt);
@@ -82,8 +95,15 @@ impl Structures {
         if self.is_empty() {
             return CutMesh::whole();
         }
+        let solids = self.solids(bodies, t);
+        let bridges = bodies.map_or(Vec::new(), |bodies| self.bridges(bodies));
+        let levels = LevelSet::new(part, &self.nodes, &solids, &bridges);
+        CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+    }
+
+    /// Obstacles where they are at time `t`, bodies where they stand.
+    pub(super) fn solids<'a>(&'a self, bodies: Option<&'a Bodies>, t: f64) -> Vec<Solid<'a>> {
         let mut solids = self.obstacles.solids(t);
-        let mut bridges = Vec::new();
         if let Some(bodies) = bodies {
             let clusters = bodies.world.clusters.iter().zip(&self.placed);
             solids.extend(clusters.map(|(cluster, placed)| Solid {
@@ -91,10 +111,8 @@ impl Structures {
                 pose: placed.pose,
                 outside_in: false,
             }));
-            bridges = self.bridges(bodies);
         }
-        let levels = LevelSet::new(part, &self.nodes, &solids, &bridges);
-        CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+        solids
     }
 
     /// Where joints hold. Collective.
@@ -123,13 +141,13 @@ impl Structures {
     /// Their walls over the step from `t` to `t + dt`.
     fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
         let mut surfaces = self.obstacles.surfaces(t, dt);
-        surfaces.extend(self.placed.iter().map(|placed| Surface {
-            wall: self.wall,
-            motion: Motion {
+        surfaces.extend(self.placed.iter().map(|placed| {
+            let motion = Motion {
                 centre: placed.pose.position.into(),
                 velocity: placed.twist.velocity.into(),
                 spin: placed.twist.spin.into(),
-            },
+            };
+            Surface { wall: self.wall, motion, swept: motion }
         }));
         surfaces
     }
