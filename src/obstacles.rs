@@ -19,8 +19,6 @@ pub struct Obstacles {
     given: Vec<case::Obstacle>,
     shapes: Vec<Shape>,
     courses: Vec<Course>,
-    /// Of the run [s].
-    end: f64,
 }
 
 impl Obstacles {
@@ -51,9 +49,9 @@ impl Obstacles {
                 }
             });
         }
-        let (given, end) = (case.obstacles.clone(), case.time.end);
-        let courses = given.iter().map(|o| Course::new(o, end)).collect();
-        Ok(Self { given, shapes, courses, end })
+        let given = case.obstacles.clone();
+        let courses = given.iter().map(|o| Course::new(o, case.time.end)).collect();
+        Ok(Self { given, shapes, courses })
     }
 
     /// Names, in the order of their numbers.
@@ -64,6 +62,11 @@ impl Obstacles {
     /// Whether any of them moves.
     pub fn move_at_all(&self) -> bool {
         self.courses.iter().any(Course::moves)
+    }
+
+    /// Whether one of them moves.
+    pub fn moves(&self, i: usize) -> bool {
+        self.courses[i].moves()
     }
 
     /// Where one of them stands at time `t`.
@@ -81,38 +84,24 @@ impl Obstacles {
         self.given.iter().zip(&self.shapes).enumerate().map(solid).collect()
     }
 
-    /// Their walls at `t + dt`: how they move then, and the motion that has brought them from where they were at
-    /// `t`.
-    ///
-    /// The motion at a time is the mean over half a step before and after it, those between which the free surface
-    /// is carried by that time's velocity. With the mean over the step before, what walls push aside would come
-    /// half a step late, and be lost or made where steps grow and shrink.
+    /// Their walls, and the motion that brings each from where it is at `t` to where it is at `t + dt`.
     pub fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
-        let now = t + dt;
-        let before = now - 0.5 * dt;
-        // Tables end with the run.
-        let after = (now + 0.5 * dt).min(self.end.max(now));
         let surface = |(i, given): (usize, &case::Obstacle)| {
-            let pose = |t: f64| self.pose(i, t);
-            let centre = pose(now).position;
-            Surface {
-                wall: if given.slip { Wall::Slip } else { Wall::NoSlip },
-                motion: motion(&pose(before), &pose(after), centre, after - before),
-                swept: motion(&pose(t), &pose(now), centre, dt),
-            }
+            let motion = motion(&self.pose(i, t), &self.pose(i, t + dt), dt);
+            Surface { wall: if given.slip { Wall::Slip } else { Wall::NoSlip }, motion }
         };
         self.given.iter().enumerate().map(surface).collect()
     }
 }
 
-/// The steady motion that brings a body `from` one pose `to` another in a time `dt`, about `centre`.
-fn motion(from: &Pose, to: &Pose, centre: Vector3<f64>, dt: f64) -> Motion {
+/// The steady motion that brings a body `from` one pose `to` another in a time `dt`, about where it ends.
+fn motion(from: &Pose, to: &Pose, dt: f64) -> Motion {
     let per = |v: Vector3<f64>| if dt > 0.0 { v / dt } else { Vector3::zeros() };
     let spin = per((to.rotation * from.rotation.inverse()).scaled_axis());
-    // `to` moves on from its middle.
-    let middle = 0.5 * (from.position + to.position);
-    let velocity = per(to.position - from.position) + spin.cross(&(centre - middle));
-    Motion { centre: centre.into(), velocity: velocity.into(), spin: spin.into() }
+    let way = to.position - from.position;
+    // Its origin moves at the mean velocity where it is halfway.
+    let velocity = per(way) + spin.cross(&(0.5 * way));
+    Motion { centre: to.position.into(), velocity: velocity.into(), spin: spin.into() }
 }
 
 /// The bytes of a file, read once. Collective.

@@ -168,14 +168,17 @@ pub struct Clock {
     pub t: f64,
     /// Steps done.
     pub step: u64,
-    /// Time the phase field stands at [s]: half a step behind, where there is a flow.
+    /// Time the phase field stands at [s]: half a step off, where there is a flow.
     pub t_phase: f64,
     /// Last step [s].
     pub dt: f64,
+    /// Where time stood before it [s].
+    pub before: f64,
 }
 
 impl Clock {
     fn tick(&mut self, dt: f64) {
+        self.before = self.t;
         self.t += dt;
         self.dt = dt;
         self.step += 1;
@@ -217,7 +220,7 @@ impl Simulation {
             flow,
             phase,
             material,
-            clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0 },
+            clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0, before: 0.0 },
             stages: Stages::default(),
             quality,
             size: Size { nodes: balance.nodes(), elements: balance.elements() },
@@ -238,7 +241,9 @@ impl Simulation {
     /// Collective.
     ///
     /// The phase field stands at the middle of the flow's steps: it moves from tⁿ⁻½ to tⁿ⁺½ with uⁿ, and
-    /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay).
+    /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay). Where
+    /// told walls move it is carried from step to step by the step that u has come from; with equal steps that is
+    /// the same.
     ///
     /// # Errors
     /// A solver that does not converge.
@@ -251,6 +256,9 @@ impl Simulation {
         if let Some(phase) = &mut self.phase {
             let middle = t + 0.5 * dt;
             let (dt_phase, velocity, fine_scale) = match &self.flow {
+                // Walls have moved: by the velocity's own step, over which cells have gained what walls swept.
+                // Over another, water would be lost or made where steps grow and shrink.
+                Some(flow) if !self.cut.gained.is_empty() => (clock.dt, &flow.u, &flow.fine_scale),
                 Some(flow) => (middle - clock.t_phase, &flow.u, &flow.fine_scale),
                 None => {
                     prescribe(&self.case, part, middle, &mut self.given);
@@ -364,6 +372,7 @@ impl Simulation {
             }
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
+        let mut pockets = 0;
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
             let rate = courant_rate(&self.part, self.velocity());
             let due = checkpoints.map(|schedule| schedule.next_time());
@@ -372,6 +381,15 @@ impl Simulation {
             let dt = self.next_dt(rate, due);
             let report = self.step(dt)?;
             flow_iterations += u64::from(report.flow.iterations);
+            let sealed = report.flow.squeezed;
+            if sealed.pockets > pockets && sealed.volume > 0.0 {
+                progress.say(&format!(
+                    "t {:.4} s: {} bodies of fluid have no open boundary; what moving walls squeeze out of them is \
+                     compressed there (sealed_pockets and squeezed in history.csv)",
+                    self.clock.t, sealed.pockets
+                ));
+            }
+            pockets = sealed.pockets;
             let clock = Instant::now();
             line = self.line(&report, dt * rate);
             output.write_history(&self.part, self.history(&report, dt * rate))?;
@@ -466,7 +484,7 @@ impl Simulation {
         }
     }
 
-    fn history(&self, report: &StepReport, courant: f64) -> [f64; 16] {
+    fn history(&self, report: &StepReport, courant: f64) -> [f64; 18] {
         let (flow, volume) = (&report.flow, &report.volume);
         [
             self.clock.step as f64,
@@ -483,6 +501,8 @@ impl Simulation {
             volume.correction,
             volume.corrected,
             volume.bodies.into(),
+            flow.squeezed.pockets.into(),
+            flow.squeezed.volume,
             flow.kinetic,
             flow.potential,
         ]

@@ -25,7 +25,7 @@ impl Body {
     fn at_rest(shape: Shape, at: Vector, outside_in: bool) -> Self {
         let motion = Motion { centre: at, ..Motion::default() };
         let pose = Pose { position: at.into(), ..Pose::identity() };
-        Self { shape, pose, outside_in, surface: Surface { wall: Wall::NoSlip, motion, swept: motion } }
+        Self { shape, pose, outside_in, surface: Surface { wall: Wall::NoSlip, motion } }
     }
 }
 

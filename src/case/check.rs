@@ -6,8 +6,8 @@ use super::file::{CaseFile, Every, EveryWord, FreeSurfaceTable, GaugeTable, Init
 use super::nearest::did_you_mean;
 use super::sources::Sources;
 use super::{
-    Carrier, Case, Flow, Fluid, FreeSurface, Gauge, GaugeKind, Gravity, Initial, MeshSource, Output,
-    Regularisation, Solver, Time, VolumeCorrection,
+    Carrier, Case, Flow, Fluid, FreeSurface, Gauge, GaugeKind, Gravity, Initial, MeshSource,
+    Output, Regularisation, Solver, Time, VolumeCorrection,
 };
 use values::{Reader, at_least_one, between, finite_vector, not_negative, positive, refuse};
 
@@ -301,6 +301,9 @@ fn carrier(key: &str, on: &str, typed: &GaugeTable, file: &CaseFile) -> Result<C
     let obstacles = file.obstacle.iter().map(|o| &*o.name);
     let bodies = file.body.iter().map(|b| &*b.name);
     let names: Vec<&str> = obstacles.chain(bodies).collect();
+    if names.is_empty() {
+        return refuse(key, "there is neither obstacle nor body to ride on");
+    }
     match names.iter().position(|name| *name == on) {
         Some(i) if i < file.obstacle.len() => Ok(Carrier::Obstacle(i)),
         Some(i) => Ok(Carrier::Body(i - file.obstacle.len())),

@@ -18,6 +18,8 @@ use nalgebra::Vector3;
 pub struct Structures {
     pub(super) obstacles: Obstacles,
     pub(super) nodes: Nodes,
+    /// Distances to the obstacles that never move: found once.
+    still: LevelSet,
     /// How bodies hold the fluid.
     wall: Wall,
     /// Around the mesh.
@@ -35,9 +37,14 @@ impl Structures {
         bodies: Option<&Bodies>,
     ) -> Self {
         let slip = case.bodies.as_ref().is_some_and(|b| b.slip);
+        let nodes = Nodes::new(part);
+        let solids = obstacles.solids(0.0);
+        let still = (0u32..).zip(&solids).filter(|(i, _)| !obstacles.moves(*i as usize));
+        let still = LevelSet::nothing(part, &nodes).with(part, &nodes, still, &[]);
         Self {
+            still,
             obstacles,
-            nodes: Nodes::new(part),
+            nodes,
             mesh: bounds(part),
             wall: if slip { Wall::Slip } else { Wall::NoSlip },
             placed: bodies.map_or(Vec::new(), Bodies::placed),
@@ -71,7 +78,10 @@ impl Structures {
                 let group = bodies.world.clusters[body].group;
                 let first = bodies.world.clusters.iter().position(|c| c.group == group);
                 let number = body - first.expect("it is one of them") + 1;
-                format!("body \"{}\", number {number} of its kind,", asked.bodies[group as usize].name)
+                format!(
+                    "body \"{}\", number {number} of its kind,",
+                    asked.bodies[group as usize].name
+                )
             }
             _ => format!("obstacle \"{}\"", case.obstacles[structure].name),
         }
@@ -97,7 +107,11 @@ impl Structures {
         }
         let solids = self.solids(bodies, t);
         let bridges = bodies.map_or(Vec::new(), |bodies| self.bridges(bodies));
-        let levels = LevelSet::new(part, &self.nodes, &solids, &bridges);
+        let moves = |&(i, _): &(u32, &Solid<'_>)| {
+            i as usize >= self.first_body() || self.obstacles.moves(i as usize)
+        };
+        let moving = (0u32..).zip(&solids).filter(moves);
+        let levels = self.still.clone().with(part, &self.nodes, moving, &bridges);
         CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
     }
 
@@ -141,13 +155,13 @@ impl Structures {
     /// Their walls over the step from `t` to `t + dt`.
     fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
         let mut surfaces = self.obstacles.surfaces(t, dt);
-        surfaces.extend(self.placed.iter().map(|placed| {
-            let motion = Motion {
+        surfaces.extend(self.placed.iter().map(|placed| Surface {
+            wall: self.wall,
+            motion: Motion {
                 centre: placed.pose.position.into(),
                 velocity: placed.twist.velocity.into(),
                 spin: placed.twist.spin.into(),
-            };
-            Surface { wall: self.wall, motion, swept: motion }
+            },
         }));
         surfaces
     }

@@ -55,7 +55,8 @@ impl Structures {
             let others: Vec<&Solid<'_>> = solids.iter().filter(meets).collect();
             let surface = solid.shape.surface(self.nodes.band);
             for corners in surface.corners() {
-                for (x, n, area) in points(corners.map(|x| solid.pose.to_space(x)), self.nodes.band) {
+                for (x, n, area) in points(corners.map(|x| solid.pose.to_space(x)), self.nodes.band)
+                {
                     let Some(place) = locator.find(&part.mesh, x.into()) else { continue };
                     let c = part.mesh.corners(place.element as usize);
                     let along = c.map(|c| dot(c, n.into()));

@@ -40,8 +40,6 @@ pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 pub struct Surface {
     /// How it holds the fluid.
     pub wall: Wall,
-    /// How it moves at the end of the step.
+    /// How it moves over the step.
     pub motion: Motion,
-    /// The steady motion over the step that sweeps the volumes that `CutMesh::gained` counts.
-    pub swept: Motion,
 }

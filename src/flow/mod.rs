@@ -7,6 +7,7 @@
 //! - `open_boundary`: what a face with given pressure adds.
 //! - `viscous`: what the preconditioner needs where viscosity rules.
 //! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
+//! - `sealed`: fluid shut in between walls that move.
 //! - `loads`: forces and torques on bodies.
 //! - `step`: state, assembly, solve, fine-scale velocity.
 //!
@@ -16,6 +17,7 @@
 pub mod loads;
 pub mod material;
 pub mod open_boundary;
+mod sealed;
 mod slivers;
 pub mod stabilisation;
 pub mod step;
@@ -25,4 +27,5 @@ pub mod weak_form;
 
 pub use loads::{BodyLoad, Load};
 pub use material::Material;
+pub use sealed::Squeezed;
 pub use step::{Flow, FlowReport};

@@ -51,8 +51,7 @@ pub struct WallElement<'a> {
     pub x: &'a [[f64; 3]; 4],
     /// How it is imposed.
     pub method: Method,
-    /// The continuity equation has the volume that the wall sweeps over the step, per time, in place of `∮ q ū·n` of
-    /// that motion.
+    /// The flow through the wall, `∮ q ū·n`, is in the continuity equation as the volume that it sweeps.
     pub swept: bool,
 }
 
@@ -61,17 +60,6 @@ impl WallElement<'_> {
     fn velocity(&self) -> [[f64; 3]; 4] {
         let motion: &Motion = &self.surface.motion;
         self.x.map(|x| motion.at(x))
-    }
-
-    /// What of ū the continuity equation does not have yet, at the corners.
-    fn unswept(&self, velocity: &[[f64; 3]; 4]) -> [[f64; 3]; 4] {
-        if !self.swept {
-            return *velocity;
-        }
-        std::array::from_fn(|i| {
-            let swept = self.surface.swept.at(self.x[i]);
-            std::array::from_fn(|k| velocity[i][k] - swept[k])
-        })
     }
 
     /// [β_t, β_n].
@@ -119,7 +107,6 @@ impl WallElement<'_> {
         });
         let [along, across] = if slip { [0.0, beta[0] + beta[1]] } else { beta };
         let sum = wall.integral(velocity);
-        let unswept = self.unswept(velocity);
         for i in 0..4 {
             let s = wall.first[i];
             let v = wall.weighted(i, velocity);
@@ -131,7 +118,9 @@ impl WallElement<'_> {
                 system.rhs[i][k] +=
                     along * v[k] + across * vn * n[k] + mu * adjoint + old * mu * s * known;
             }
-            system.rhs[i][3] -= consistent * dot(wall.weighted(i, &unswept), *n);
+            if !self.swept {
+                system.rhs[i][3] -= consistent * vn;
+            }
             for j in 0..4 {
                 let m = wall.second[i][j];
                 let block = &mut system.matrix[4 * i + j];

@@ -122,8 +122,8 @@ impl Course {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::formula::TimeSeries;
     use crate::case::Solid;
+    use crate::case::formula::TimeSeries;
     use std::sync::Arc;
 
     fn obstacle() -> Obstacle {
@@ -167,7 +167,8 @@ mod tests {
 
     #[test]
     fn a_spin_turns_about_its_axis_and_a_coning_one_as_it_must() {
-        let course = Course::new(&Obstacle { spin: three(["0", "0", "cos(t)"]), ..obstacle() }, 3.0);
+        let course =
+            Course::new(&Obstacle { spin: three(["0", "0", "cos(t)"]), ..obstacle() }, 3.0);
         let start = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
         let exact = UnitQuaternion::from_scaled_axis(Vector3::z() * 2f64.sin()) * start;
         assert!(course.pose(2.0).rotation.angle_to(&exact) < 1e-12);

@@ -9,7 +9,7 @@ use io::vtkhdf::{FieldsFile, FieldsMesh};
 use std::path::Path;
 
 /// Columns of history.csv.
-const HISTORY: [(&str, &str); 16] = [
+const HISTORY: [(&str, &str); 18] = [
     ("step", ""),
     ("t", "s"),
     ("dt", "s"),
@@ -24,6 +24,8 @@ const HISTORY: [(&str, &str); 16] = [
     ("correction", "m3"),
     ("correction_sum", "m3"),
     ("water_bodies", ""),
+    ("sealed_pockets", ""),
+    ("squeezed", "m3"),
     ("kinetic", "J"),
     ("potential", "J"),
 ];

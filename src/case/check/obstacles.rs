@@ -36,7 +36,10 @@ pub fn check(
             ("spin", typed.spin.is_some(), "rotation", typed.rotation.is_some()),
         ] {
             if is_given && other {
-                return refuse(key(name), format!("says again what {beside} says: give one of them"));
+                return refuse(
+                    key(name),
+                    format!("says again what {beside} says: give one of them"),
+                );
             }
         }
         let formulas = |name: &str, typed| reader.vector(&key(name), typed, &[[0.0; 3]], always);
