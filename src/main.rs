@@ -86,8 +86,10 @@ fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
     let mut simulation = Simulation::new(case, comm).map_err(bad_input)?;
     if arguments.check {
         let plan = plan::of(&simulation.case, &simulation.part);
+        let thin = simulation.thin_structures();
         if comm.rank() == 0 {
             println!("{plan}");
+            thin.iter().for_each(|sentence| println!("{sentence}"));
             if let Some(bodies) = &simulation.bodies {
                 println!("{}", report::bodies::plan(bodies, simulation.case.time.end));
             }

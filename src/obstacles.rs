@@ -1,5 +1,6 @@
 //! The case's obstacles: shapes, where they stand at a time, how they move over a step.
 
+mod course;
 mod terrain;
 
 use crate::case::{self, Case, CaseError};
@@ -7,7 +8,8 @@ use crate::cut::level_set::Solid;
 use crate::cut::{Motion, Surface, Wall};
 use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape};
-use nalgebra::{UnitQuaternion, Vector3};
+use course::Course;
+use nalgebra::Vector3;
 use std::path::Path;
 use terrain::ground;
 
@@ -16,6 +18,7 @@ use terrain::ground;
 pub struct Obstacles {
     given: Vec<case::Obstacle>,
     shapes: Vec<Shape>,
+    courses: Vec<Course>,
 }
 
 impl Obstacles {
@@ -33,6 +36,9 @@ impl Obstacles {
                 case::Solid::Cuboid(size) => Shape::cuboid(*size),
                 case::Solid::Sphere(radius) => Shape::sphere(*radius),
                 case::Solid::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
+                case::Solid::Points(points) => {
+                    Shape::hull(points).map_err(|e| refused("points", e.to_string()))?
+                }
                 case::Solid::Surface(path) => {
                     let bytes = read(part, path).map_err(|e| refused("surface", e))?;
                     surface(path, &bytes).map_err(|e| refused("surface", e))?
@@ -43,7 +49,9 @@ impl Obstacles {
                 }
             });
         }
-        Ok(Self { given: case.obstacles.clone(), shapes })
+        let given = case.obstacles.clone();
+        let courses = given.iter().map(|o| Course::new(o, case.time.end)).collect();
+        Ok(Self { given, shapes, courses })
     }
 
     /// Names, in the order of their numbers.
@@ -53,21 +61,17 @@ impl Obstacles {
 
     /// Whether any of them moves.
     pub fn move_at_all(&self) -> bool {
-        self.given.iter().any(|o| o.displacement.is_some() || o.rotation.is_some())
+        self.courses.iter().any(Course::moves)
     }
 
-    fn pose(&self, i: usize, t: f64) -> Pose {
-        let o = &self.given[i];
-        let at = |f: &Option<[case::Formula; 3]>| {
-            let value = |f: &[case::Formula; 3]| Vector3::from_fn(|k, _| f[k].at([0.0; 3], t));
-            f.as_ref().map_or(Vector3::zeros(), value)
-        };
-        let [x, y, z] = o.turned;
-        Pose {
-            position: Vector3::from(o.at) + at(&o.displacement),
-            rotation: UnitQuaternion::from_scaled_axis(at(&o.rotation).map(f64::to_radians))
-                * UnitQuaternion::from_euler_angles(x, y, z),
-        }
+    /// Whether one of them moves.
+    pub fn moves(&self, i: usize) -> bool {
+        self.courses[i].moves()
+    }
+
+    /// Where one of them stands at time `t`.
+    pub fn pose(&self, i: usize, t: f64) -> Pose {
+        self.courses[i].pose(t)
     }
 
     /// Where they stand at time `t`.
@@ -83,18 +87,21 @@ impl Obstacles {
     /// Their walls, and the motion that brings each from where it is at `t` to where it is at `t + dt`.
     pub fn surfaces(&self, t: f64, dt: f64) -> Vec<Surface> {
         let surface = |(i, given): (usize, &case::Obstacle)| {
-            let (from, to) = (self.pose(i, t), self.pose(i, t + dt));
-            let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
-            let per = |v: Vector3<f64>| if dt > 0.0 { (v / dt).into() } else { [0.0; 3] };
-            let motion = Motion {
-                centre: to.position.into(),
-                velocity: per(to.position - from.position),
-                spin: per(turn),
-            };
+            let motion = motion(&self.pose(i, t), &self.pose(i, t + dt), dt);
             Surface { wall: if given.slip { Wall::Slip } else { Wall::NoSlip }, motion }
         };
         self.given.iter().enumerate().map(surface).collect()
     }
+}
+
+/// The steady motion that brings a body `from` one pose `to` another in a time `dt`, about where it ends.
+fn motion(from: &Pose, to: &Pose, dt: f64) -> Motion {
+    let per = |v: Vector3<f64>| if dt > 0.0 { v / dt } else { Vector3::zeros() };
+    let spin = per((to.rotation * from.rotation.inverse()).scaled_axis());
+    let way = to.position - from.position;
+    // Its origin moves at the mean velocity where it is halfway.
+    let velocity = per(way) + spin.cross(&(0.5 * way));
+    Motion { centre: to.position.into(), velocity: velocity.into(), spin: spin.into() }
 }
 
 /// The bytes of a file, read once. Collective.
@@ -108,7 +115,7 @@ fn read(part: &MeshPart, path: &Path) -> Result<Vec<u8>, String> {
 fn surface(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
     let file = io::surface::parse(path, bytes).map_err(|e| e.to_string())?;
     let surface = crate::shape::Surface::new(&file.vertices, &file.triangles);
-    Shape::mesh(surface).map_err(|e| format!("{}: {e}", path.display()))
+    Shape::drawn(surface).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 fn terrain(path: &Path, bytes: &[u8]) -> Result<Shape, String> {

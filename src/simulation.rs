@@ -4,6 +4,8 @@ mod checkpoint;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::{Case, MeshSource};
+use crate::coupling::riders::Rider;
+use crate::coupling::thickness::Thin;
 use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
 use crate::fem::courant_rate;
@@ -67,6 +69,8 @@ pub struct Simulation {
     /// (6V)^(1/3) of the smallest element [m].
     smallest: f64,
     gauges: Option<Gauges>,
+    /// Gauges on surfaces.
+    riders: Vec<Rider>,
     inflow: Inflow,
     inflow_values: Vec<(u32, f64)>,
     /// Points of bodies that are recorded.
@@ -164,14 +168,17 @@ pub struct Clock {
     pub t: f64,
     /// Steps done.
     pub step: u64,
-    /// Time the phase field stands at [s]: half a step behind, where there is a flow.
+    /// Time the phase field stands at [s]: half a step off, where there is a flow.
     pub t_phase: f64,
     /// Last step [s].
     pub dt: f64,
+    /// Where time stood before it [s].
+    pub before: f64,
 }
 
 impl Clock {
     fn tick(&mut self, dt: f64) {
+        self.before = self.t;
         self.t += dt;
         self.dt = dt;
         self.step += 1;
@@ -193,6 +200,7 @@ impl Simulation {
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
         let solid = if structures.move_at_all() { &[][..] } else { &cut.dry_nodes };
         let gauges = Some(Gauges::new(&case, &part, solid)?);
+        let riders = structures.riders(&case, bodies.as_ref())?;
         let graph = setup::graph(&part);
         let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
@@ -212,12 +220,13 @@ impl Simulation {
             flow,
             phase,
             material,
-            clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0 },
+            clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0, before: 0.0 },
             stages: Stages::default(),
             quality,
             size: Size { nodes: balance.nodes(), elements: balance.elements() },
             smallest: setup::smallest_cell(&part),
             gauges,
+            riders,
             inflow,
             inflow_values: Vec::new(),
             tracked: tracked.unwrap_or_default(),
@@ -232,7 +241,9 @@ impl Simulation {
     /// Collective.
     ///
     /// The phase field stands at the middle of the flow's steps: it moves from tⁿ⁻½ to tⁿ⁺½ with uⁿ, and
-    /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay).
+    /// its densities are those in the middle of the flow's step (a leapfrog: waves neither grow nor decay). Where
+    /// told walls move it is carried from step to step by the step that u has come from; with equal steps that is
+    /// the same.
     ///
     /// # Errors
     /// A solver that does not converge.
@@ -245,6 +256,9 @@ impl Simulation {
         if let Some(phase) = &mut self.phase {
             let middle = t + 0.5 * dt;
             let (dt_phase, velocity, fine_scale) = match &self.flow {
+                // Walls have moved: by the velocity's own step, over which cells have gained what walls swept.
+                // Over another, water would be lost or made where steps grow and shrink.
+                Some(flow) if !self.cut.gained.is_empty() => (clock.dt, &flow.u, &flow.fine_scale),
                 Some(flow) => (middle - clock.t_phase, &flow.u, &flow.fine_scale),
                 None => {
                     prescribe(&self.case, part, middle, &mut self.given);
@@ -347,6 +361,9 @@ impl Simulation {
         });
         let end = self.case.time.end;
         let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
+        for thin in self.thin_structures() {
+            progress.say(&thin);
+        }
         let begun = self.clock.step;
         let mut flow_iterations = 0;
         if after.is_none() {
@@ -356,6 +373,7 @@ impl Simulation {
             }
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
+        let mut pockets = 0;
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
             let rate = courant_rate(&self.part, self.velocity());
             let due = checkpoints.map(|schedule| schedule.next_time());
@@ -364,6 +382,15 @@ impl Simulation {
             let dt = self.next_dt(rate, due);
             let report = self.step(dt)?;
             flow_iterations += u64::from(report.flow.iterations);
+            let sealed = report.flow.squeezed;
+            if sealed.pockets > pockets && sealed.volume > 0.0 {
+                progress.say(&format!(
+                    "t {:.4} s: {} bodies of fluid have no open boundary; what moving walls squeeze out of them is \
+                     compressed there (sealed_pockets and squeezed in history.csv)",
+                    self.clock.t, sealed.pockets
+                ));
+            }
+            pockets = sealed.pockets;
             let clock = Instant::now();
             line = self.line(&report, dt * rate);
             output.write_history(&self.part, self.history(&report, dt * rate))?;
@@ -390,6 +417,21 @@ impl Simulation {
         let written = if first { summary.write(&options.out) } else { Ok(()) };
         io::Error::agree(&self.part.comm, written)?;
         Ok(summary)
+    }
+
+    /// A sentence for each structure that is too thin for the mesh somewhere. Collective.
+    pub fn thin_structures(&self) -> Vec<String> {
+        let thin = self.structures.thin(&self.part, self.bodies.as_ref(), self.clock.t);
+        let sentence = |thin: &Thin| {
+            let Thin { structure, place: [x, y, z], thickness, elements, share } = thin;
+            let name = self.structures.name(&self.case, self.bodies.as_ref(), *structure);
+            format!(
+                "thin:    {name} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and \
+                 less than 2 on {:.0} % of its surface: the flow may not see it as it is",
+                100.0 * share
+            )
+        };
+        thin.iter().map(sentence).collect()
     }
 
     /// Makes the folder for the results and puts the case as used into it. Collective.
@@ -426,6 +468,7 @@ impl Simulation {
             distance: &self.cut.distance,
             dry: &self.cut.dry_nodes,
             loads: &self.loads[..self.structures.first_body()],
+            riding: self.structures.ride(&self.riders, self.clock.t),
         }
     }
 
@@ -442,7 +485,7 @@ impl Simulation {
         }
     }
 
-    fn history(&self, report: &StepReport, courant: f64) -> [f64; 16] {
+    fn history(&self, report: &StepReport, courant: f64) -> [f64; 18] {
         let (flow, volume) = (&report.flow, &report.volume);
         [
             self.clock.step as f64,
@@ -459,6 +502,8 @@ impl Simulation {
             volume.correction,
             volume.corrected,
             volume.bodies.into(),
+            flow.squeezed.pockets.into(),
+            flow.squeezed.volume,
             flow.kinetic,
             flow.potential,
         ]

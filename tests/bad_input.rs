@@ -253,12 +253,47 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
     (
         "[[gauge]]\nname = \"H1\"",
         "[[obstacle]]\nname = \"pier\"\n\n[[gauge]]\nname = \"H1\"",
-        ":40: obstacle[1]: needs one of cuboid, sphere, cylinder, surface, terrain",
+        ":40: obstacle[1]: needs one of cuboid, sphere, cylinder, points, surface, terrain",
     ),
     (
         "[[gauge]]\nname = \"H1\"",
         "[[obstacle]]\nname = \"pier\"\nsurface = \"pier.stl\"\n\n[[gauge]]\nname = \"H1\"",
         ":42: obstacle[1].surface: FOLDER/pier.stl: No such file or directory (os error 2)",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\nsphere = 0.2\nvelocity = [0, 0, 1]\ndisplacement = [0, 0, \"t\"]\n\n[[gauge]]\nname = \"H1\"",
+        ":43: obstacle[1].velocity: says again what displacement says: give one of them",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\nsphere = 0.2\nspin = [0, 0, 1]\nrotation = [0, 0, \"t\"]\n\n[[gauge]]\nname = \"H1\"",
+        ":43: obstacle[1].spin: says again what rotation says: give one of them",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n\n[[gauge]]\nname = \"H1\"",
+        ":42: obstacle[1].points: needs at least 4, has 3",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[[obstacle]]\nname = \"pier\"\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]\n\n[[gauge]]\nname = \"H1\"",
+        ":42: obstacle[1].points: it encloses no volume",
+    ),
+    (
+        "[1, 0.5, 0.1]",
+        "[1, 0.5, 0.1]\non = \"pier\"",
+        ":47: gauge[2].on: there is neither obstacle nor body to ride on",
+    ),
+    (
+        "[[gauge]]\nname = \"P1\"",
+        "[[obstacle]]\nname = \"ball\"\nsphere = 0.2\nat = [1, 0.5, 0.9]\n\n[[gauge]]\nname = \"P1\"\non = \"bal\"",
+        ":51: gauge[2].on: no obstacle or body is called \"bal\"; did you mean \"ball\"?",
+    ),
+    (
+        "[[gauge]]\nname = \"P1\"",
+        "[[obstacle]]\nname = \"ball\"\nsphere = 0.2\nat = [1, 0.5, 0.9]\n\n[[gauge]]\nname = \"P1\"\non = \"ball\"",
+        ":52: gauge[2].pressure: (1, 0.5, 0.1) is 0.6000 m away from the surface of what it is on",
     ),
     // Tables.
     ("in.csv", "out.csv", ":12: boundaries.x_max.wave_maker: out.csv: no such file"),
@@ -357,6 +392,34 @@ const BAD_WITH_MESH: &[(&str, &str, &str)] = &[
     ),
 ];
 
+/// A good case with a surface, which is all that is wrong with it.
+const WITH_SURFACE: &str = r#"[mesh]
+box = { x = [0, 1], y = [0, 1], z = [0, 1], cells = [2, 2, 2] }
+[boundaries]
+default = "slip"
+[time]
+end = 1
+[[obstacle]]
+name = "pier"
+surface = "pier.obj"
+"#;
+
+/// Surfaces, and what the program then says after `error: case.toml:9: obstacle[1].surface: FOLDER/pier.obj: `.
+const BAD_SURFACES: &[(&str, &str)] = &[
+    (
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n",
+        "it is not closed: 3 edges, the first near (0.000000, 0.500000, 0.000000), are not shared by two triangles \
+         of the same orientation",
+    ),
+    // Two tetrahedra, one pushed into the other.
+    (
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n\
+         v 0.25 0.25 -1\nv 1.25 0.25 -1\nv 0.25 1.25 -1\nv 0.25 0.25 0.125\nf 5 7 6\nf 5 6 8\nf 6 7 8\nf 5 8 7\n",
+        "it runs through itself near (0.361111, 0.250000, 0.000000): join the parts that overlap, or give each as a \
+         structure of its own",
+    ),
+];
+
 /// Arguments, and the status and words the program then ends with.
 const BAD_ARGUMENTS: &[(&[&str], i32, &str)] = &[
     (&["nowhere.toml"], 2, "error: nowhere.toml: no such file"),
@@ -429,6 +492,10 @@ fn attempts() -> Vec<Attempt> {
     for (from, to, message) in BAD_WITH_MESH {
         let case = replaced(WITH_MESH, from, to);
         all.push(attempt(vec![("case.toml", &case), ("tank.msh", MESH)], message.to_string()));
+    }
+    for (surface, message) in BAD_SURFACES {
+        let message = format!(":9: obstacle[1].surface: FOLDER/pier.obj: {message}");
+        all.push(attempt(vec![("case.toml", WITH_SURFACE), ("pier.obj", surface)], message));
     }
     for (arguments, status, message) in BAD_ARGUMENTS {
         let mut attempt = attempt(vec![("case.toml", GOOD), ("in.csv", TABLE)], String::new());

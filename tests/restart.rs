@@ -98,6 +98,48 @@ fn last_line(folder: &Path) -> String {
     lines(folder, "history.csv").pop().unwrap()
 }
 
+/// A block led through the surface, with gauges on it: the step follows the wall.
+const LED: &str = r#"
+boundaries = { default = "slip", z_max = "open" }
+initial.water = "z < 0.25"
+air = {}
+free_surface.volume_correction = "off"
+time.end = 0.4
+output.checkpoint_every = 0.2
+
+[mesh]
+box = { x = [0, 1], y = [0, 0.3], z = [0, 0.5], cells = [20, 6, 10] }
+jitter = 0.1
+
+[[obstacle]]
+name = "block"
+cuboid = [0.2, 0.15, 0.12]
+at = [0.4, 0.15, 0.3]
+turned = [0, 20, 0]
+velocity = ["0.6*sin(5*t)", 0, "-0.5*t"]
+spin = [0, "2*t", 1]
+
+[[gauge]]
+name = "foot"
+on = "block"
+pressure = [0.4, 0.15, 0.24]
+"#;
+
+#[test]
+fn a_block_led_through_water_goes_on_bit_for_bit() {
+    let (whole, first) = whole_run("restart_led", LED);
+    let again = whole.with_file_name("again");
+    run(&again, 2, Some(&first));
+    for file in ["history.csv", "loads.csv", "gauges.csv"] {
+        let (all, after) = (lines(&whole, file), lines(&again, file));
+        assert!(after.len() > 3 && after.len() < all.len(), "{file}: {}", after.len());
+        assert_eq!(all[all.len() - after.len()..], after, "{file}");
+    }
+    for ((name, a), (_, b)) in state(&again).iter().zip(&state(&whole)) {
+        assert!(a == b, "{name}");
+    }
+}
+
 #[test]
 fn bodies_that_break_in_water_go_on_bit_for_bit() {
     let output = "[output]\nbodies_every = 0.1\ncheckpoint_every = 0.2\n";

@@ -27,7 +27,7 @@ def variant(name, changes=None):
     """cases/NAME with keys set, as in {"time.end": 2, "air": None}: None takes a key out."""
     folder = ROOT / "cases" / name
     table = copy.deepcopy(tomllib.loads((folder / "case.toml").read_text()))
-    files = [path for path in folder.iterdir() if path.suffix in (".csv", ".msh")]
+    files = [path for path in folder.iterdir() if path.suffix in (".csv", ".msh", ".asc")]
     for key, value in (changes or {}).items():
         *tables, last = key.split(".")
         inner = table

@@ -3,10 +3,11 @@
 
 use super::error::{CaseError, Problem};
 use super::file::{CaseFile, Every, EveryWord, FreeSurfaceTable, GaugeTable, InitialTable, Preset};
+use super::nearest::did_you_mean;
 use super::sources::Sources;
 use super::{
-    Case, Flow, Fluid, FreeSurface, Gauge, GaugeKind, Gravity, Initial, MeshSource, Output,
-    Regularisation, Solver, Time, VolumeCorrection,
+    Carrier, Case, Flow, Fluid, FreeSurface, Gauge, GaugeKind, Gravity, Initial, MeshSource,
+    Output, Regularisation, Solver, Time, VolumeCorrection,
 };
 use values::{Reader, at_least_one, between, finite_vector, not_negative, positive, refuse};
 
@@ -55,7 +56,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     let flow = flow(&mut file, paper)?;
     let solver = solver(&mut file)?;
     let output = output(&mut file, &mesh, time.end)?;
-    let gauges = file.gauge.iter().enumerate().map(|(i, g)| gauge(i, g, &file.gauge[..i]));
+    let gauges = (0..file.gauge.len()).map(|i| gauge(i, &file));
     let gauges = gauges.collect::<Result<_, _>>()?;
     let bodies = bodies::check(&mut file, paper, &reader, &sources.folder)?;
     sources.make_absolute(&mut file);
@@ -255,7 +256,8 @@ fn output(file: &mut CaseFile, mesh: &MeshSource, end: f64) -> Result<Output, Pr
     })
 }
 
-fn gauge(index: usize, typed: &GaugeTable, before: &[GaugeTable]) -> Result<Gauge, Problem> {
+fn gauge(index: usize, file: &CaseFile) -> Result<Gauge, Problem> {
+    let (before, typed) = (&file.gauge[..index], &file.gauge[index]);
     let key = format!("gauge[{}]", index + 1);
     let name = &typed.name;
     let plain = |c: char| c.is_alphanumeric() || "_-.+".contains(c);
@@ -287,5 +289,27 @@ fn gauge(index: usize, typed: &GaugeTable, before: &[GaugeTable]) -> Result<Gaug
         }
         _ => return refuse(key, "needs one of water_level, pressure, velocity"),
     };
-    Ok(Gauge { name: name.clone(), kind })
+    let on = typed.on.as_ref().map(|on| carrier(&format!("{key}.on"), on, typed, file));
+    Ok(Gauge { name: name.clone(), kind, on: on.transpose()? })
+}
+
+/// What a gauge rides on.
+fn carrier(key: &str, on: &str, typed: &GaugeTable, file: &CaseFile) -> Result<Carrier, Problem> {
+    if typed.water_level.is_some() {
+        return refuse(key, "a line through the water rides on nothing");
+    }
+    let obstacles = file.obstacle.iter().map(|o| &*o.name);
+    let bodies = file.body.iter().map(|b| &*b.name);
+    let names: Vec<&str> = obstacles.chain(bodies).collect();
+    if names.is_empty() {
+        return refuse(key, "there is neither obstacle nor body to ride on");
+    }
+    match names.iter().position(|name| *name == on) {
+        Some(i) if i < file.obstacle.len() => Ok(Carrier::Obstacle(i)),
+        Some(i) => Ok(Carrier::Body(i - file.obstacle.len())),
+        None => {
+            let hint = did_you_mean(on, &names, "names");
+            refuse(key, format!("no obstacle or body is called \"{on}\"; {hint}"))
+        }
+    }
 }

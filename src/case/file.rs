@@ -484,7 +484,7 @@ pub enum EveryWord {
     Step,
 }
 
-/// A place where something is recorded: one of water_level, pressure, velocity.
+/// A place where something is recorded, in the mesh or on a structure: one of water_level, pressure, velocity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GaugeTable {
@@ -499,6 +499,10 @@ pub struct GaugeTable {
     /// A point [m]: records the velocity, in three columns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<[f64; 3]>,
+    /// Name of the obstacle or body on whose surface the point lies at t = 0: it moves with it, and records what
+    /// the fluid beside it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<String>,
 }
 
 /// Implements `Deserialize` for a type that is written in one of several forms, so that what is refused

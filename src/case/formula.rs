@@ -83,6 +83,14 @@ impl Formula {
         }
     }
 
+    /// The times of a table's rows [s], where its slope changes; none of a formula.
+    pub fn rows(&self) -> &[f64] {
+        match &self.0 {
+            Kind::Table { series, .. } => &series.times,
+            _ => &[],
+        }
+    }
+
     /// The number it always is, if it is one.
     pub fn as_constant(&self) -> Option<f64> {
         match self.0 {

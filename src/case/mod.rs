@@ -150,6 +150,10 @@ pub struct Obstacle {
     pub displacement: Option<[Formula; 3]>,
     /// Rotation vector about the origin, formulas of t [degrees].
     pub rotation: Option<[Formula; 3]>,
+    /// In place of `displacement`: of the origin, formulas of t [m/s].
+    pub velocity: Option<[Formula; 3]>,
+    /// In place of `rotation`: formulas of t [rad/s].
+    pub spin: Option<[Formula; 3]>,
 }
 
 /// The shape of an obstacle.
@@ -161,6 +165,8 @@ pub enum Solid {
     Sphere(f64),
     /// Radius, height [m].
     Cylinder([f64; 2]),
+    /// Corners of a convex polyhedron [m].
+    Points(Vec<[f64; 3]>),
     /// STL or OBJ.
     Surface(PathBuf),
     /// ESRI ASCII grid of heights.
@@ -288,6 +294,17 @@ pub struct Gauge {
     pub name: String,
     /// What and where.
     pub kind: GaugeKind,
+    /// What it rides on, if it does; then its place is where it is at t = 0.
+    pub on: Option<Carrier>,
+}
+
+/// What a gauge rides on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// An obstacle of the case.
+    Obstacle(usize),
+    /// A body of one of the case's entries.
+    Body(usize),
 }
 
 /// What a gauge measures.

@@ -157,6 +157,8 @@ fn for_each_table(file: &mut CaseFile, f: &mut dyn FnMut(&str, &mut String)) {
         let key = |name: &str| format!("obstacle[{}].{name}", i + 1);
         vector(&key("displacement"), obstacle.displacement.as_mut(), f);
         vector(&key("rotation"), obstacle.rotation.as_mut(), f);
+        vector(&key("velocity"), obstacle.velocity.as_mut(), f);
+        vector(&key("spin"), obstacle.spin.as_mut(), f);
     }
     for (name, entry) in &mut file.boundaries {
         let BoundaryEntry::Table(table) = entry else { continue };

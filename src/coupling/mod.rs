@@ -1,6 +1,7 @@
 //! Water meets bodies (Takase et al. 2015, steps (a) to (f)): the one room that names flow and bodies both.
 //!
 //! - `structures` obstacles and bodies as the flow sees them: where they stand, and how their walls move.
+//! - `thickness` which structures are too thin for the mesh. `riders` gauges on their surfaces.
 //! - `hidden` what bodies bear where they rest on something.
 //! - `added_mass` which bodies are light for the water around them.
 //! - `quasi_newton` the iteration that finds their motion and the water's together.
@@ -12,7 +13,9 @@
 pub mod added_mass;
 pub mod hidden;
 pub mod quasi_newton;
+pub mod riders;
 pub mod structures;
+pub mod thickness;
 
 pub use structures::Structures;
 

@@ -16,8 +16,10 @@ use nalgebra::Vector3;
 /// All of them: obstacles first, then bodies.
 #[derive(Clone, Debug)]
 pub struct Structures {
-    obstacles: Obstacles,
-    nodes: Nodes,
+    pub(super) obstacles: Obstacles,
+    pub(super) nodes: Nodes,
+    /// Distances to the obstacles that never move: found once.
+    still: LevelSet,
     /// How bodies hold the fluid.
     wall: Wall,
     /// Around the mesh.
@@ -35,9 +37,14 @@ impl Structures {
         bodies: Option<&Bodies>,
     ) -> Self {
         let slip = case.bodies.as_ref().is_some_and(|b| b.slip);
+        let nodes = Nodes::new(part);
+        let solids = obstacles.solids(0.0);
+        let still = (0u32..).zip(&solids).filter(|(i, _)| !obstacles.moves(*i as usize));
+        let still = LevelSet::nothing(part, &nodes).with(part, &nodes, still, &[]);
         Self {
+            still,
             obstacles,
-            nodes: Nodes::new(part),
+            nodes,
             mesh: bounds(part),
             wall: if slip { Wall::Slip } else { Wall::NoSlip },
             placed: bodies.map_or(Vec::new(), Bodies::placed),
@@ -64,6 +71,22 @@ impl Structures {
         self.obstacles.names()
     }
 
+    /// What to call one of them in a sentence.
+    pub fn name(&self, case: &Case, bodies: Option<&Bodies>, structure: usize) -> String {
+        match (structure.checked_sub(self.first_body()), bodies, &case.bodies) {
+            (Some(body), Some(bodies), Some(asked)) => {
+                let group = bodies.world.clusters[body].group;
+                let first = bodies.world.clusters.iter().position(|c| c.group == group);
+                let number = body - first.expect("it is one of them") + 1;
+                format!(
+                    "body \"{}\", number {number} of its kind,",
+                    asked.bodies[group as usize].name
+                )
+            }
+            _ => format!("obstacle \"{}\"", case.obstacles[structure].name),
+        }
+    }
+
     /// Cells that the fastest wall crosses a second: its speed across over the cell's size that way. Collective.
     pub fn crossing_rate(&self, part: &MeshPart, cut: &CutMesh, t: f64, dt: f64) -> f64 {
         let surfaces = self.surfaces(t, dt);
@@ -82,8 +105,19 @@ impl Structures {
         if self.is_empty() {
             return CutMesh::whole();
         }
+        let solids = self.solids(bodies, t);
+        let bridges = bodies.map_or(Vec::new(), |bodies| self.bridges(bodies));
+        let moves = |&(i, _): &(u32, &Solid<'_>)| {
+            i as usize >= self.first_body() || self.obstacles.moves(i as usize)
+        };
+        let moving = (0u32..).zip(&solids).filter(moves);
+        let levels = self.still.clone().with(part, &self.nodes, moving, &bridges);
+        CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+    }
+
+    /// Obstacles where they are at time `t`, bodies where they stand.
+    pub(super) fn solids<'a>(&'a self, bodies: Option<&'a Bodies>, t: f64) -> Vec<Solid<'a>> {
         let mut solids = self.obstacles.solids(t);
-        let mut bridges = Vec::new();
         if let Some(bodies) = bodies {
             let clusters = bodies.world.clusters.iter().zip(&self.placed);
             solids.extend(clusters.map(|(cluster, placed)| Solid {
@@ -91,10 +125,8 @@ impl Structures {
                 pose: placed.pose,
                 outside_in: false,
             }));
-            bridges = self.bridges(bodies);
         }
-        let levels = LevelSet::new(part, &self.nodes, &solids, &bridges);
-        CutMesh::new(part, levels, |x, near| nearest(&solids, near, x))
+        solids
     }
 
     /// Where joints hold. Collective.

@@ -107,10 +107,27 @@ impl Nodes {
 impl LevelSet {
     /// Of these structures; a node as near to two takes the first.
     pub fn new(part: &MeshPart, nodes: &Nodes, solids: &[Solid<'_>], bridges: &[Bridge]) -> Self {
+        Self::nothing(part, nodes).with(part, nodes, (0..).zip(solids), bridges)
+    }
+
+    /// Without structures.
+    pub fn nothing(part: &MeshPart, nodes: &Nodes) -> Self {
+        let n = part.mesh.nodes.len();
+        Self { distance: vec![nodes.band; n], body: vec![0; n] }
+    }
+
+    /// With more structures, by their numbers.
+    pub fn with<'a>(
+        self,
+        part: &MeshPart,
+        nodes: &Nodes,
+        solids: impl Iterator<Item = (u32, &'a Solid<'a>)>,
+        bridges: &[Bridge],
+    ) -> Self {
         let x = &part.mesh.nodes;
         let band = nodes.band;
-        let mut levels = Self { distance: vec![band; x.len()], body: vec![0; x.len()] };
-        for (body, solid) in (0u32..).zip(solids) {
+        let mut levels = self;
+        for (body, solid) in solids {
             let mut lower = |n: u32, d: f64| {
                 let at = &mut levels.distance[n as usize];
                 if d < *at {

@@ -7,7 +7,7 @@ use super::tetrahedron::{Part, Pieces, cut};
 use crate::fem::constraints::FluidBody;
 use crate::fem::region::Region;
 use crate::mesh::connected::connected;
-use crate::mesh::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::{Tetrahedron, volume};
 use crate::mesh::{FACES, Mesh, MeshPart};
 
 /// How a local element stands to the structures.
@@ -125,7 +125,7 @@ impl CutMesh {
         for (e, tet) in part.mesh.tets.iter().enumerate() {
             let mut add = |cut: &CutMesh, sign: f64| {
                 let first = match cut.cell(e) {
-                    Cell::Whole => [0.25 * Tetrahedron::of(&part.mesh, e).volume; 4],
+                    Cell::Whole => [0.25 * volume(&part.mesh.corners(e)); 4],
                     Cell::Cut(c) => c.pieces.fluid.first,
                     Cell::Solid => [0.0; 4],
                 };
@@ -157,7 +157,7 @@ impl CutMesh {
     #[inline]
     pub fn fluid_volume(&self, mesh: &Mesh, e: usize) -> f64 {
         match self.cell(e) {
-            Cell::Whole => Tetrahedron::of(mesh, e).volume,
+            Cell::Whole => volume(&mesh.corners(e)),
             Cell::Cut(c) => c.pieces.fluid.size,
             Cell::Solid => 0.0,
         }

@@ -8,6 +8,7 @@
 //! - `viscous`: what the preconditioner needs where viscosity rules.
 //! - `viscous_force`: what linear elements do not see of it.
 //! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
+//! - `sealed`: fluid shut in between walls that move.
 //! - `loads`: forces and torques on bodies.
 //! - `step`: state, assembly, solve, fine-scale velocity.
 //!
@@ -17,6 +18,7 @@
 pub mod loads;
 pub mod material;
 pub mod open_boundary;
+mod sealed;
 mod slivers;
 pub mod stabilisation;
 pub mod step;
@@ -27,4 +29,5 @@ pub mod weak_form;
 
 pub use loads::{BodyLoad, Load};
 pub use material::Material;
+pub use sealed::Squeezed;
 pub use step::{Flow, FlowReport};

@@ -8,6 +8,7 @@ use assembly::add;
 
 use super::material::Material;
 use super::open_boundary::OpenFace;
+use super::sealed::{Sealed, Squeezed};
 use super::slivers::{self, Entry, WithEntries};
 use super::viscous;
 use super::viscous_force::laplacian;
@@ -73,6 +74,8 @@ pub struct Flow {
     /// Entries of the ghost penalty that the matrix has no place for.
     across: Vec<Entry>,
     constrained_entries: Vec<(u32, u32, u32)>,
+    /// Fluid without an open boundary, while structures move.
+    sealed: Sealed,
     rhs: Vec<[f64; 4]>,
     /// What `x` leaves of the equations.
     left: Vec<[f64; 4]>,
@@ -112,6 +115,8 @@ pub struct FlowReport {
     pub initial_residual: f64,
     /// Residual at the end.
     pub residual: f64,
+    /// What walls did to sealed fluid.
+    pub squeezed: Squeezed,
     /// ∫ ½ρ u² at the end [J].
     pub kinetic: f64,
     /// −∫ ρ g·x of the step's densities [J].
@@ -180,6 +185,7 @@ impl Flow {
             pressure: BlockCsr::zero(&graph.pattern),
             across: Vec::new(),
             constrained_entries: Vec::new(),
+            sealed: Sealed::default(),
             graph: graph.clone(),
             weights: Vec::new(),
             preconditioner,
@@ -218,9 +224,11 @@ impl Flow {
         }
         let (p, _) = self.p.as_chunks_mut::<1>();
         extension.apply(part, p);
-        if self.constraints.pin(gravity, part, &cut.bodies_of_fluid(part)) {
+        let fluid = cut.bodies_of_fluid(part);
+        if self.constraints.pin(gravity, part, &fluid) {
             self.list_constrained();
         }
+        self.sealed = Sealed::new(part, cut, &fluid, &self.constraints.pinned);
     }
 
     /// Advances u from `t` to `t + dt`, and p to the middle, around the `surfaces` of structures. Collective.
@@ -328,7 +336,8 @@ impl Flow {
         let mut target = 0.0;
         for round in 0.. {
             let clock = Instant::now();
-            self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
+            report.squeezed =
+                self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
             report.assembly += clock.elapsed();
             let clock = Instant::now();
             if round == 0 {

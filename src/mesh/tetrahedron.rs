@@ -52,6 +52,15 @@ impl Tetrahedron {
     }
 }
 
+/// Volume of the tetrahedron with these corners [m³], to the last bit that of [`Tetrahedron`].
+#[inline]
+pub fn volume(x: &[[f64; 3]; 4]) -> f64 {
+    let d = |i: usize| [x[i][0] - x[0][0], x[i][1] - x[0][1], x[i][2] - x[0][2]];
+    let (a, b, c) = (d(1), d(2), d(3));
+    let bc = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+    (a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]) / 6.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -66,6 +75,7 @@ mod tests {
             assert!((a - b).abs() < 1e-13);
         }
         let regular = Tetrahedron::new([[0., 0., 0.], [1., 1., 0.], [0., 1., 1.], [1., 0., 1.]]);
+        assert_eq!(volume(&x), t.volume);
         assert!((regular.size() - 2f64.sqrt()).abs() < 1e-14 || regular.volume < 0.0);
     }
 }

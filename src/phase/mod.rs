@@ -34,7 +34,7 @@ use crate::cut::{Cell, CutMesh, Extension};
 use crate::fem::dot;
 use crate::linear::{Diverged, NodeGraph};
 use crate::mesh::MeshPart;
-use crate::mesh::tetrahedron::Tetrahedron;
+use crate::mesh::tetrahedron::volume;
 use profile::{OUTER, Profile, logit};
 use transport::Given;
 pub use transport::Transport;
@@ -184,7 +184,7 @@ impl Phase {
             };
             match cut.cell(e) {
                 Cell::Whole => {
-                    let volume = Tetrahedron::of(&part.mesh, e).volume;
+                    let volume = volume(&part.mesh.corners(e));
                     add(volume, [0.25 * volume; 4]);
                 }
                 Cell::Cut(c) => add(c.pieces.fluid.size, c.pieces.fluid.first),

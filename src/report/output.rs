@@ -9,7 +9,7 @@ use io::vtkhdf::{FieldsFile, FieldsMesh};
 use std::path::Path;
 
 /// Columns of history.csv.
-const HISTORY: [(&str, &str); 16] = [
+const HISTORY: [(&str, &str); 18] = [
     ("step", ""),
     ("t", "s"),
     ("dt", "s"),
@@ -24,12 +24,14 @@ const HISTORY: [(&str, &str); 16] = [
     ("correction", "m3"),
     ("correction_sum", "m3"),
     ("water_bodies", ""),
+    ("sealed_pockets", ""),
+    ("squeezed", "m3"),
     ("kinetic", "J"),
     ("potential", "J"),
 ];
 
 /// The state as it is written: nodal values of local nodes; empty where the case has no such field.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Snapshot<'a> {
     /// Time of the velocity [s]; the pressure is half a step older, the phase field too.
     pub t: f64,
@@ -45,6 +47,8 @@ pub struct Snapshot<'a> {
     pub dry: &'a [u32],
     /// What the fluid does to each body.
     pub loads: &'a [BodyLoad],
+    /// Gauges that ride on structures: place and outward normal.
+    pub riding: Vec<[[f64; 3]; 2]>,
 }
 
 /// The open files of a run.
@@ -201,7 +205,7 @@ impl Output {
             if self.gauges.columns.is_empty() {
                 return Ok(());
             }
-            let values = self.gauges.values(part, now.dry, now.phi, now.p, now.u);
+            let values = self.gauges.values(part, now.dry, now.phi, now.p, now.u, &now.riding);
             let row: Vec<f64> = std::iter::once(now.t).chain(values).collect();
             let written = self.gauge_table.as_mut().map_or(Ok(()), |table| table.row(&row));
             io::Error::agree(&part.comm, written)?;

@@ -40,6 +40,14 @@ impl Progress {
         Self { shown, terminal, started: Instant::now(), last: None, t_start, t_end }
     }
 
+    /// Says a sentence, on a line of its own.
+    pub fn say(&self, sentence: &str) {
+        if self.shown {
+            // A terminal that has gone away is no reason to stop.
+            let _ = writeln!(std::io::stdout().lock(), "{sentence}");
+        }
+    }
+
     /// Shows the line if the last one is old enough, or if it is the last of all.
     pub fn show(&mut self, line: &Line, finished: bool) {
         if !self.shown {

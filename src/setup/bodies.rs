@@ -173,7 +173,7 @@ fn pieces(
         BodyShape::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
         BodyShape::File(path) => {
             let file = surface(case, &format!("{key}.file"), path, comm)?;
-            Shape::mesh(Surface::new(&file.vertices, &file.triangles))
+            Shape::drawn(Surface::new(&file.vertices, &file.triangles))
                 .map_err(|e| fail("file", e.to_string()))?
         }
     };

@@ -10,14 +10,16 @@
 //! Distances are parry's. Names no other room.
 
 mod clip;
+mod crossing;
 pub mod fragment;
 pub mod mass;
 pub mod surface;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use parry3d_f64::math::Vec3;
-use parry3d_f64::query::PointQuery;
+use parry3d_f64::query::{PointQuery, Ray, RayCast};
 use parry3d_f64::shape as parry;
+use parry3d_f64::transformation::try_convex_hull;
 use std::sync::Arc;
 
 pub use mass::MassProperties;
@@ -156,6 +158,32 @@ impl Shape {
         Ok(Self::Mesh(Arc::new(Mesh { surface, query })))
     }
 
+    /// The inside of a surface that somebody drew: closed, and nowhere running through itself.
+    ///
+    /// # Errors
+    /// Where the surface is open or crosses itself.
+    pub fn drawn(surface: Surface) -> Result<Self, OpenSurface> {
+        let shape = Self::mesh(surface)?;
+        let Self::Mesh(mesh) = &shape else { unreachable!("made of triangles") };
+        match crossing::crossing(&mesh.surface) {
+            Some(place) => Err(OpenSurface::Crossing { place: place.into() }),
+            None => Ok(shape),
+        }
+    }
+
+    /// The convex polyhedron around these points [m].
+    ///
+    /// # Errors
+    /// Points that lie in a plane, or closer to one than rounding tells.
+    pub fn hull(points: &[[f64; 3]]) -> Result<Self, OpenSurface> {
+        let points: Vec<Vec3> = points.iter().map(|&x| Vec3::from_array(x)).collect();
+        let Ok((vertices, triangles)) = try_convex_hull(&points) else {
+            return Err(OpenSurface::Flat);
+        };
+        let vertices: Vec<[f64; 3]> = vertices.iter().map(|v| v.to_array()).collect();
+        Self::mesh(Surface::new(&vertices, &triangles))
+    }
+
     /// Signed distance to the surface from a point of the shape's frame [m]: positive outside.
     pub fn distance(&self, local: Vector3<f64>) -> f64 {
         self.nearest(local).0
@@ -180,6 +208,24 @@ impl Shape {
         let distance = found.point.distance(point);
         let signed = if found.is_inside { -distance } else { distance };
         (signed, Vector3::new(found.point.x, found.point.y, found.point.z))
+    }
+
+    /// How far it is from a point inside, along a unit vector, to where the shape ends [m]; both in its frame.
+    pub fn exit(&self, from: Vector3<f64>, way: Vector3<f64>) -> Option<f64> {
+        let ray = |p: Vector3<f64>, w: Vector3<f64>| {
+            Ray::new(Vec3::new(p.x, p.y, p.z), Vec3::new(w.x, w.y, w.z))
+        };
+        let (plain, far) = (ray(from, way), f64::MAX);
+        match self {
+            Self::Cuboid(shape) => shape.cast_local_ray(&plain, far, false),
+            Self::Sphere(shape) => shape.cast_local_ray(&plain, far, false),
+            Self::Mesh(mesh) => mesh.query.cast_local_ray(&plain, far, false),
+            // parry's axis is y.
+            Self::Cylinder(shape) => {
+                let turn = |v: Vector3<f64>| Vector3::new(v.y, v.z, v.x);
+                shape.cast_local_ray(&ray(turn(from), turn(way)), far, false)
+            }
+        }
     }
 
     /// Radius of the sphere around the origin that holds the shape [m].
@@ -333,6 +379,28 @@ mod tests {
             let (a, b) = (shape.distance(x), centred.distance(back.to_local(x)));
             assert!((a - b).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_hull_is_the_polyhedron_around_its_points() {
+        // An octahedron |x| + |y| + |z| ≤ 1 and points inside it.
+        let mut points = vec![[0.1, 0.2, -0.3], [0.0; 3]];
+        for k in 0..3 {
+            for s in [-1.0, 1.0] {
+                let mut x = [0.0; 3];
+                x[k] = s;
+                points.push(x);
+            }
+        }
+        let octahedron = Shape::hull(&points).unwrap();
+        assert!((octahedron.mass_properties().volume - 4.0 / 3.0).abs() < 1e-12);
+        for x in [[0.5, 0.5, 0.5], [0.1, 0.1, 0.2], [0.3, -0.4, 0.3]] {
+            let exact = (x.iter().map(|x: &f64| x.abs()).sum::<f64>() - 1.0) / 3f64.sqrt();
+            assert!((octahedron.distance(x.into()) - exact).abs() < 1e-12, "{x:?}");
+        }
+        let plane = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        assert!(Shape::hull(&plane).is_err());
+        assert!(Shape::hull(&plane[..2]).is_err());
     }
 
     #[test]

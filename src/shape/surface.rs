@@ -30,6 +30,15 @@ pub enum OpenSurface {
         /// How many.
         count: usize,
     },
+    /// It runs through itself.
+    #[error(
+        "it runs through itself near ({:.6}, {:.6}, {:.6}): join the parts that overlap, or give each as a structure \
+         of its own", place[0], place[1], place[2]
+    )]
+    Crossing {
+        /// A point where it does [m].
+        place: [f64; 3],
+    },
     /// It encloses no volume.
     #[error("it encloses no volume")]
     Flat,

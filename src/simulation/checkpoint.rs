@@ -17,7 +17,8 @@ impl Simulation {
         let phase = self.phase.as_ref().map(|phase| phase.state()).unwrap_or_default();
         let mut nodal: Vec<(&str, usize, Values)> =
             phase.nodal.iter().map(|(name, v)| (*name, 1, Values::F64(v))).collect();
-        let mut scalars = vec![("t_phase", self.clock.t_phase), ("dt", self.clock.dt)];
+        let Clock { t_phase, dt, before, .. } = self.clock;
+        let mut scalars = vec![("t_phase", t_phase), ("dt", dt), ("before", before)];
         let mut elements: Vec<(&str, usize, Values)> = Vec::new();
         if let Some(flow) = &self.flow {
             nodal.push(("u", 3, Values::F64(flow.u.as_flattened())));
@@ -145,6 +146,7 @@ impl Simulation {
             step: saved.step(),
             t_phase: scalar("t_phase")?,
             dt: scalar("dt")?,
+            before: scalar("before")?,
         };
         if self.flow.is_some() && self.structures.move_at_all() {
             // As the last step left it: bodies have moved since.
@@ -152,6 +154,11 @@ impl Simulation {
                 self.structures.placed = bodies.placed_before();
             }
             self.cut = self.structures.cut(part, self.bodies.as_ref(), self.clock.t);
+            if self.bodies.is_none() && self.clock.step > 0 {
+                let before = self.structures.cut(part, None, self.clock.before);
+                let going = Extension::new(part, &self.cut, &before, self.case.gravity);
+                self.cut.compare(part, &before, &going);
+            }
             let nothing = Extension::default();
             if let Some(phase) = &mut self.phase {
                 phase.follow(part, &self.cut, &nothing, &nothing);

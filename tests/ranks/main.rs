@@ -46,6 +46,7 @@ const BODIES: &[(&str, Body)] = &[
     ("free_surface_on_ranks", phase::free_surface_on_ranks),
     ("same_fields_on_any_ranks", simulation::same_fields_on_any_ranks),
     ("same_fields_in_a_closed_tank", simulation::same_fields_in_a_closed_tank),
+    ("same_fields_around_led_blocks", simulation::same_fields_around_led_blocks),
     ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
     ("a_wall_breaks_alike", bodies::a_wall_breaks_alike),
     ("loose_bodies_cross_borders", bodies::loose_bodies_cross_borders),

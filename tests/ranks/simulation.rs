@@ -110,6 +110,43 @@ pub fn same_fields_in_a_closed_tank(comm: &Communicator) {
     same_fields(comm, "", 10);
 }
 
+/// Three blocks, one across all ranks, one through the surface, and a tank that has no opening.
+pub fn same_fields_around_led_blocks(comm: &Communicator) {
+    for top in ["open", "slip"] {
+        let text = format!(
+            r#"
+            boundaries = {{ default = "slip", z_max = "{top}" }}
+            initial.water = "z < 0.25"
+            air = {{}}
+            time = {{ end = 1, step = 0.01 }}
+            solver = {{ tolerance = 1e-10, phase_tolerance = 1e-12 }}
+            [mesh]
+            box = {{ x = [0, 1], y = [0, 0.3], z = [0, 0.5], cells = [20, 6, 10] }}
+            jitter = 0.1
+            [[obstacle]]
+            name = "beam"
+            cuboid = [0.9, 0.1, 0.1]
+            at = [0.5, 0.15, 0.1]
+            velocity = [0, 0, "0.3*sin(6*t)"]
+            [[obstacle]]
+            name = "block"
+            points = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0.2, 0.2, 0], [0.1, 0.1, 0.2]]
+            at = [0.2, 0.05, 0.28]
+            wall = "slip"
+            velocity = [0.2, 0, "-0.4*t"]
+            spin = [0, 0, 1]
+            [[obstacle]]
+            name = "ball"
+            sphere = 0.1
+            at = [0.75, 0.15, 0.3]
+            displacement = [0, 0, "0.05*sin(5*t)"]
+            "#
+        );
+        let (relative, _) = differences(comm, &parse(text), 20);
+        assert!(relative.iter().all(|&r| r < 1e-6), "u, p, φ on one and more ranks: {relative:?}");
+    }
+}
+
 /// The ranks cost hardly any iterations, with the tolerances that runs have. The two starting steps
 /// are solved to 1e-11: there a tenth is as little.
 pub fn same_iterations_on_any_ranks(comm: &Communicator) {

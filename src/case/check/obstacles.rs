@@ -31,6 +31,17 @@ pub fn check(
         if typed.wall == WallWord::NoSlip && viscosity == 0.0 {
             return refuse(key("wall"), "a fluid without viscosity cannot stick: use \"slip\"");
         }
+        for (name, is_given, beside, other) in [
+            ("velocity", typed.velocity.is_some(), "displacement", typed.displacement.is_some()),
+            ("spin", typed.spin.is_some(), "rotation", typed.rotation.is_some()),
+        ] {
+            if is_given && other {
+                return refuse(
+                    key(name),
+                    format!("says again what {beside} says: give one of them"),
+                );
+            }
+        }
         let formulas = |name: &str, typed| reader.vector(&key(name), typed, &[[0.0; 3]], always);
         obstacles.push(Obstacle {
             name: name.clone(),
@@ -41,6 +52,8 @@ pub fn check(
             slip: typed.wall == WallWord::Slip,
             displacement: formulas("displacement", &typed.displacement)?,
             rotation: formulas("rotation", &typed.rotation)?,
+            velocity: formulas("velocity", &typed.velocity)?,
+            spin: formulas("spin", &typed.spin)?,
         });
     }
     Ok(obstacles)
@@ -56,24 +69,33 @@ fn solid(
             positive(&format!("{}[{}]", key(name), k + 1), size).map(|_| ())
         })
     };
-    let ObstacleTable { cuboid, sphere, cylinder, surface, terrain, .. } = typed;
-    match (cuboid, sphere, cylinder, surface, terrain) {
-        (Some(size), None, None, None, None) => {
+    let ObstacleTable { cuboid, sphere, cylinder, points, surface, terrain, .. } = typed;
+    match (cuboid, sphere, cylinder, points, surface, terrain) {
+        (Some(size), None, None, None, None, None) => {
             all_positive("cuboid", size)?;
             Ok(Solid::Cuboid(*size))
         }
-        (None, Some(radius), None, None, None) => {
+        (None, Some(radius), None, None, None, None) => {
             Ok(Solid::Sphere(positive(&key("sphere"), *radius)?))
         }
-        (None, None, Some(size), None, None) => {
+        (None, None, Some(size), None, None, None) => {
             all_positive("cylinder", size)?;
             Ok(Solid::Cylinder(*size))
         }
-        (None, None, None, Some(name), None) => Ok(Solid::Surface(sources.folder.join(name))),
-        (None, None, None, None, Some(name)) => Ok(Solid::Terrain(sources.folder.join(name))),
+        (None, None, None, Some(points), None, None) => {
+            if points.len() < 4 {
+                return refuse(key("points"), format!("needs at least 4, has {}", points.len()));
+            }
+            for (i, point) in points.iter().enumerate() {
+                finite_vector(&format!("{}[{}]", key("points"), i + 1), point)?;
+            }
+            Ok(Solid::Points(points.clone()))
+        }
+        (None, None, None, None, Some(name), None) => Ok(Solid::Surface(sources.folder.join(name))),
+        (None, None, None, None, None, Some(name)) => Ok(Solid::Terrain(sources.folder.join(name))),
         _ => refuse(
             key("name").trim_end_matches(".name"),
-            "needs one of cuboid, sphere, cylinder, surface, terrain",
+            "needs one of cuboid, sphere, cylinder, points, surface, terrain",
         ),
     }
 }

@@ -4,7 +4,7 @@ use super::Expression;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A structure: one of cuboid, sphere, cylinder, surface, terrain.
+/// A structure: one of cuboid, sphere, cylinder, points, surface, terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObstacleTable {
@@ -19,6 +19,9 @@ pub struct ObstacleTable {
     /// Radius and height [m] of a cylinder along z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<[f64; 2]>,
+    /// Corners of a convex polyhedron [m]: what is between these points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<Vec<[f64; 3]>>,
     /// A closed surface: an STL or OBJ file [m], found from the case file's folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<String>,
@@ -43,6 +46,12 @@ pub struct ObstacleTable {
     /// By how much it has turned about its origin at time t: a vector along the axis [degrees].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[Expression; 3]>,
+    /// In place of displacement: the velocity of its origin at time t [m/s].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[Expression; 3]>,
+    /// In place of rotation: its spin at time t, a vector along the axis in space, through its origin [rad/s].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spin: Option<[Expression; 3]>,
 }
 
 /// How a wall holds the fluid.

@@ -80,7 +80,7 @@ impl Flow {
         dt: f64,
         theta: f64,
         matrix: bool,
-    ) {
+    ) -> Squeezed {
         if matrix {
             self.matrix.clear();
             self.pressure.clear();
@@ -128,10 +128,13 @@ impl Flow {
         }
         // Where structures move, the continuity equation counts the very volume that nodes gain by it.
         if self.wall == Method::Nitsche {
-            for (left, gained) in self.left.iter_mut().zip(&cut.gained).take(part.n_owned()) {
+            let rows = self.rhs.iter_mut().zip(&mut self.left).zip(&cut.gained);
+            for ((rhs, left), gained) in rows.take(part.n_owned()) {
+                rhs[3] -= gained / dt;
                 left[3] -= gained / dt;
             }
         }
+        let squeezed = self.sealed.spread(part, material, &self.rhs, &mut self.left, dt);
         self.assemble_open_faces(part, cut, material, theta, matrix);
         self.assemble_slivers(part, cut, material, dt, matrix);
         self.constrain_left(cut);
@@ -139,6 +142,7 @@ impl Flow {
             self.constrain_matrix();
             self.fix_dry_nodes(cut);
         }
+        squeezed
     }
 
     fn assemble_open_faces(
