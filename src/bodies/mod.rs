@@ -4,6 +4,7 @@
 //! - `cluster` what one is, and where all stand · `packing` its contact spheres · `motion` kick, drift, kick.
 //! - `neighbours` who may touch whom · `contact` springs, dashpots, sliders · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
+//! - `leaving` those that have left the mesh.
 //! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
 //!   all of it as lists, for checkpoints.
 //!
@@ -19,6 +20,7 @@ pub mod cluster;
 pub mod cohesion;
 pub mod cohesion_law;
 pub mod contact;
+pub mod leaving;
 pub mod material;
 pub mod motion;
 pub mod neighbours;
@@ -36,6 +38,7 @@ pub use account::Account;
 pub use cluster::{Cluster, Form, Motion, State, Tracked};
 pub use cohesion::{Break, Joints};
 pub use contact::World;
+pub use leaving::Left;
 pub use motion::Load;
 pub use ownership::Ownership;
 pub use record::Record;

@@ -3,7 +3,7 @@
 //! Lists reach `skin` beyond contact and serve until a surface has moved by half of it. Tangential
 //! springs stay with their pair of spheres when lists are made anew.
 
-use super::cluster::{Form, State};
+use super::cluster::{Form, Motion, State};
 use super::contact::{Hit, World};
 use crate::shape::{Bounds, Pose};
 use nalgebra::Vector3;
@@ -160,7 +160,11 @@ impl Neighbours {
             .into_iter()
             .filter(|&(a, b)| {
                 let free = |c: u32| world.clusters[c as usize].is_free();
-                (mine(a) || mine(b)) && (free(a) || free(b)) && !apart(a, b)
+                let gone = |c: u32| world.clusters[c as usize].motion == Motion::Gone;
+                !(gone(a) || gone(b))
+                    && (mine(a) || mine(b))
+                    && (free(a) || free(b))
+                    && !apart(a, b)
             })
             .map(|(a, b)| (a, Partner::Cluster(b)))
             .collect();

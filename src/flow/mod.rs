@@ -8,7 +8,7 @@
 //! - `viscous`: what the preconditioner needs where viscosity rules.
 //! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
 //! - `loads`: forces and torques on bodies.
-//! - `step`: state, assembly, solve, fine-scale velocity.
+//! - `step`: state, assembly, solve, fine-scale velocity, where the energy of a step goes.
 //!
 //! May name `cut`, `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
 //! of the phase field only its values.
@@ -25,4 +25,4 @@ pub mod weak_form;
 
 pub use loads::{BodyLoad, Load};
 pub use material::Material;
-pub use step::{Flow, FlowReport};
+pub use step::{Flow, FlowReport, StepEnergy};

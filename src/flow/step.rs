@@ -3,6 +3,9 @@
 //! Time: `u` at tⁿ, `p` at the middle of the last step. The first two steps are implicit Euler.
 
 mod assembly;
+mod energy;
+
+pub use energy::StepEnergy;
 
 use super::material::Material;
 use super::open_boundary::OpenFace;

@@ -40,6 +40,14 @@ impl Progress {
         Self { shown, terminal, started: Instant::now(), last: None, t_start, t_end }
     }
 
+    /// Something that happened, on a line of its own.
+    pub fn tell(&mut self, what: &str) {
+        if self.shown {
+            let clear = if self.terminal { "\r\x1b[K" } else { "" };
+            let _ = writeln!(std::io::stdout().lock(), "{clear}{what}");
+        }
+    }
+
     /// Shows the line if the last one is old enough, or if it is the last of all.
     pub fn show(&mut self, line: &Line, finished: bool) {
         if !self.shown {
