@@ -255,8 +255,8 @@ fn steps_follow_flow_walls_and_contacts() {
          [mesh]\nbox = { x = [0, 1], y = [0, 0.5], z = [0, 0.5], cells = [20, 5, 5] }\n\
          [boundaries]\ndefault = \"slip\"\n\
          [time]\nend = 0.05\nfirst_step = 1e-3\n\
-         [output]\nfields_every = \"never\"\n\
-         [bodies]\nsphere_radius = 0.1\n\
+         [output]\nfields_every = \"never\"\nbodies_every = \"never\"\n\
+         [bodies]\nsphere_radius = 0.05\n\
          [[body]]\nname = \"led\"\nbox = [0.15, 0.22, 0.22]\nat = [0.3, 0.25, 0.25]\ndensity = 2500\n\
          led_velocity = [2, 0, 0]\n\
          [[body]]\nname = \"free\"\nsphere = 0.11\nat = [0.8, 0.25, 0.25]\ndensity = 2500\n";

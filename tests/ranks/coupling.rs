@@ -8,15 +8,24 @@ use partition::Communicator;
 /// A column of water falls onto two glued boxes, light for it, that stand across the ranks' borders.
 const CASE: &str = include_str!("../boxes_in_a_wave.toml");
 
-/// Places after some steps, against those of the same run on one rank.
+/// Places and energies after some steps, against those of the same run on one rank.
 pub fn boxes_in_a_wave(comm: &Communicator) {
-    let (mut shared, mut alone) = (start(CASE, comm), start(CASE, &Communicator::single()));
+    let case = CASE.to_string() + "\n[output]\nenergy = true\n";
+    let (mut shared, mut alone) = (start(&case, comm), start(&case, &Communicator::single()));
     for step in 0..12 {
         let dt = 0.004;
         let (a, b) = (shared.step(dt).unwrap(), alone.step(dt).unwrap());
         assert!(a.passes > 1 && a.passes == b.passes, "step {step}: {} {}", a.passes, b.passes);
     }
     compare(&shared, &alone);
+    let energies = |run: &Simulation| run.energy.as_ref().unwrap().energy.line();
+    let (a, b) = (energies(&shared), energies(&alone));
+    for (k, (a, b)) in a.iter().zip(&b).enumerate() {
+        assert!(
+            (a - b).abs() < 1e-7 * alone.energy.as_ref().unwrap().energy.total(),
+            "{k}: {a} {b}"
+        );
+    }
     let moved = |b: &Placed| b.twist.velocity.norm() > 1e-3;
     assert!(alone.bodies.unwrap().placed().iter().all(moved), "they have not moved");
 }
