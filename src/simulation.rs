@@ -1,6 +1,7 @@
 //! The run: state, one step, output, restart.
 
 mod checkpoint;
+mod energy;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::{Case, MeshSource};
@@ -17,12 +18,14 @@ use crate::mesh::quality::Quality;
 use crate::obstacles::Obstacles;
 use crate::phase::{Phase, VolumeReport, inflow::Inflow};
 use crate::report::bodies::BodiesOutput;
+use crate::report::energy::EnergyOutput;
 use crate::report::gauges::Gauges;
 use crate::report::output::{Output, Schedule, Snapshot};
 use crate::report::progress::{Line, Progress};
 use crate::report::stages::Stages;
 use crate::report::summary::{Summary, Totals};
 use crate::setup::{self, SetupError};
+use energy::Ledger;
 use partition::Communicator;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -59,6 +62,8 @@ pub struct Simulation {
     pub bodies: Option<Bodies>,
     /// Densities and gravity as the flow sees them.
     pub material: Material,
+    /// The account of energy, if it is asked for.
+    pub energy: Option<Ledger>,
     /// Where time stands.
     pub clock: Clock,
     /// Wall time by stage.
@@ -205,6 +210,8 @@ impl Simulation {
         let phase = setup::phase(&case, &part, &cut, &graph, &inflow);
         let material = setup::material(&case, &part, phase.as_ref());
         let flow = setup::flow(&case, &part, &cut, &graph);
+        let energy = flow.as_ref().filter(|_| case.output.energy);
+        let energy = energy.map(|flow| Ledger::new(&part, &cut, flow, &material, bodies.as_ref()));
         let mut given = Vec::new();
         let mut no_fine_scale = Vec::new();
         if flow.is_none() {
@@ -220,6 +227,7 @@ impl Simulation {
             flow,
             phase,
             material,
+            energy,
             clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0, before: 0.0 },
             stages: Stages::default(),
             quality,
@@ -275,6 +283,9 @@ impl Simulation {
             report.phase_iterations = moved.iterations;
             clock.t_phase += dt_phase;
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
+            if let (Some(ledger), Some(flow)) = (&mut self.energy, &self.flow) {
+                ledger.surface_moved(part, &self.cut, flow, &mut self.material, phase);
+            }
         }
         if self.flow.is_some() && self.structures.move_at_all() {
             let before = std::mem::take(&mut self.cut);
@@ -318,6 +329,11 @@ impl Simulation {
                     RunError::Coupling { step, t, dt, passes, residual }
                 }
             })?;
+            if let (Some(ledger), Some(flow)) = (&mut self.energy, &self.flow) {
+                let step = flow.step_energy(part, &self.cut, &done.surfaces, &self.material);
+                let (first, bodies) = (self.structures.first_body(), self.bodies.as_ref());
+                stages.time("energy", || ledger.add(&step, &done, first, bodies, dt));
+            }
             stages.add("flow: assembly", done.flow.assembly);
             stages.add("flow: solve", done.flow.solve);
             if !self.structures.placed.is_empty() {
@@ -325,6 +341,9 @@ impl Simulation {
             }
             (report.flow, report.passes) = (done.flow, done.passes);
             self.loads = done.loads;
+            if let Some(bodies) = &mut self.bodies {
+                bodies.take_out(&self.structures.mesh, &self.structures.placed);
+            }
         } else if let Some(bodies) = &mut self.bodies {
             let loads = vec![Load::default(); bodies.state.len()];
             stages.time("bodies", || bodies.advance(dt, &loads));
@@ -354,6 +373,10 @@ impl Simulation {
             Some(b) => BodiesOutput::open(&self.case, b, &self.tracked, &options.out, after)?,
             None => None,
         };
+        let mut energy = match &self.energy {
+            Some(_) => Some(EnergyOutput::open(&self.part, &options.out, after)?),
+            None => None,
+        };
         let mut checkpoints = self.case.output.checkpoint_every.map(|every| {
             let mut schedule = Schedule::new(every, after);
             schedule.take(self.clock.t);
@@ -362,10 +385,11 @@ impl Simulation {
         let end = self.case.time.end;
         let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
         for thin in self.thin_structures() {
-            progress.say(&thin);
+            progress.tell(&thin);
         }
         let begun = self.clock.step;
         let mut flow_iterations = 0;
+        let mut told = 0;
         if after.is_none() {
             output.write_if_due(&self.part, &self.snapshot())?;
             if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
@@ -384,7 +408,7 @@ impl Simulation {
             flow_iterations += u64::from(report.flow.iterations);
             let sealed = report.flow.squeezed;
             if sealed.pockets > pockets && sealed.volume > 0.0 {
-                progress.say(&format!(
+                progress.tell(&format!(
                     "t {:.4} s: {} bodies of fluid have no open boundary; what moving walls squeeze out of them is \
                      compressed there (sealed_pockets and squeezed in history.csv)",
                     self.clock.t, sealed.pockets
@@ -394,7 +418,16 @@ impl Simulation {
             let clock = Instant::now();
             line = self.line(&report, dt * rate);
             output.write_history(&self.part, self.history(&report, dt * rate))?;
+            if let (Some(file), Some(ledger)) = (&mut energy, &self.energy) {
+                file.write(&self.part, self.clock.t, &ledger.energy)?;
+            }
             output.write_if_due(&self.part, &self.snapshot())?;
+            if let Some(bodies) = &self.bodies {
+                for left in &bodies.left[told..] {
+                    progress.tell(&left.to_string());
+                }
+                told = bodies.left.len();
+            }
             if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
                 files.write_if_due(self.clock.t, bodies)?;
             }
@@ -412,6 +445,7 @@ impl Simulation {
             t: self.clock.t,
             wall_seconds: started.elapsed().as_secs_f64(),
             flow_iterations,
+            bodies_left: self.bodies.as_ref().map_or(0, |bodies| bodies.left.len() as u64),
         };
         let summary = Summary::new(&self.case, &self.part, &self.stages, totals);
         let written = if first { summary.write(&options.out) } else { Ok(()) };

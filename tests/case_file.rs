@@ -201,6 +201,15 @@ fn everything_can_be_said() {
     assert_eq!(case.body_force.as_ref().unwrap()[2].at([2.0, 3.0, 0.0], 0.0), 6.0);
 }
 
+/// Where the velocity is given no energy goes anywhere.
+#[test]
+fn the_account_of_energy_wants_a_flow() {
+    let given = "prescribed_velocity = [1, 0, 0]\noutput.energy = true\n[mesh]";
+    let text = DAM_BREAK.replace("[mesh]", given);
+    let error = Case::new(&sources(&text, &[])).unwrap_err().to_string();
+    assert!(error.contains("output.energy: is the account of a flow"), "{error}");
+}
+
 /// The case file written beside the results gives the same case, from any folder.
 #[test]
 fn the_case_as_used_is_the_same_case() {

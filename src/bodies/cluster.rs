@@ -100,6 +100,8 @@ pub enum Motion {
     },
     /// It stands still.
     Fixed,
+    /// It has left, and nothing feels it any more.
+    Gone,
     /// It is led: formulas of t.
     Prescribed {
         /// Of the centroid [m/s].
@@ -143,6 +145,11 @@ impl Cluster {
     /// Whether forces move it.
     pub fn is_free(&self) -> bool {
         matches!(self.motion, Motion::Free { .. })
+    }
+
+    /// Whether it stays where it is, there or gone.
+    pub fn stands(&self) -> bool {
+        matches!(self.motion, Motion::Fixed | Motion::Gone)
     }
 
     /// 1/m [1/kg]; 0 if forces do not move it.

@@ -5,6 +5,7 @@
 //! - `broad_phase`, `neighbours` who may touch whom · `contact_law` spring, dashpot, slider at a point ·
 //!   `contact` of clusters · `balls` those of one sphere · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
+//! - `leaving` those that have left the mesh.
 //! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
 //!   all of it as lists, for checkpoints.
 //!
@@ -23,6 +24,7 @@ pub mod cohesion;
 pub mod cohesion_law;
 pub mod contact;
 mod contact_law;
+pub mod leaving;
 pub mod material;
 pub mod motion;
 pub mod neighbours;
@@ -40,6 +42,7 @@ pub use account::Account;
 pub use cluster::{Cluster, Form, Motion, State, Tracked};
 pub use cohesion::{Break, Joints};
 pub use contact::World;
+pub use leaving::Left;
 pub use motion::Load;
 pub use ownership::Ownership;
 pub use record::Record;

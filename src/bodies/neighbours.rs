@@ -6,7 +6,7 @@
 
 use super::balls::Balls;
 use super::broad_phase::meeting;
-use super::cluster::{Form, State};
+use super::cluster::{Form, Motion, State};
 use super::contact::{Hit, World};
 use crate::shape::{Bounds, Pose};
 use nalgebra::Vector3;
@@ -135,8 +135,10 @@ impl Neighbours {
         let mine = |c: u32| owned[c as usize];
         let skin = self.skin;
         let form = |c: u32| -> &Form { &world.clusters[c as usize].form };
+        let there = |c: &&u32| world.clusters[**c as usize].motion != Motion::Gone;
         let bounds: Vec<(u32, Bounds)> = local
             .iter()
+            .filter(there)
             .map(|&c| (c, form(c).bounds_at(&state.pose[c as usize]).inflated(0.5 * skin)))
             .collect();
         self.pairs.clear();

@@ -2,13 +2,14 @@
 //! of ranks, to the same bits.
 
 use super::account::Account;
+use super::cluster::Motion;
 use super::neighbours::{Partner, Touch};
 use super::step::Bodies;
 use crate::shape::Pose;
 use nalgebra::{Quaternion, Unit, Vector3};
 
-/// Numbers of a cluster: two poses, four vectors.
-pub const CLUSTER: usize = 26;
+/// Numbers of a cluster: two poses, four vectors, whether it is gone.
+pub const CLUSTER: usize = 27;
 /// Numbers that all ranks share.
 pub const SHARED: usize = 11;
 
@@ -47,6 +48,8 @@ impl Bodies {
             let vectors =
                 [state.velocity[c], state.angular_momentum[c], state.force[c], state.torque[c]];
             vectors.iter().for_each(|v| record.states.extend(v.as_slice()));
+            let gone = self.world.clusters[c].motion == Motion::Gone;
+            record.states.push(f64::from(u8::from(gone)));
         }
         for joint in self.joints.joints.iter().filter(|joint| owned[joint.a as usize]) {
             for p in joint.first..joint.end {
@@ -86,6 +89,9 @@ impl Bodies {
             before[c] = pose(7);
             [self.state.velocity[c], self.state.angular_momentum[c]] = [v(14), v(17)];
             [self.state.force[c], self.state.torque[c]] = [v(20), v(23)];
+            if numbers[26] == 1.0 {
+                self.world.clusters[c].motion = Motion::Gone;
+            }
         }
         for (&p, &largest) in record.points.iter().zip(&record.largest) {
             self.joints.largest[p as usize] = largest;

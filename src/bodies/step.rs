@@ -4,6 +4,7 @@ use super::account::Account;
 use super::cluster::{Inertia, Motion, State};
 use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
+use super::leaving::Left;
 use super::motion::{self, Load};
 use super::neighbours::{Neighbours, Touch};
 use super::ownership::{Luggage, Ownership};
@@ -57,6 +58,8 @@ pub struct Bodies {
     pub joints: Joints,
     /// Joints that came off here, in time.
     pub breaks: Vec<Break>,
+    /// Clusters that were taken out, in time, the same on every rank.
+    pub left: Vec<Left>,
     /// Which clusters this rank moves.
     pub ranks: Ownership,
     /// Now [s].
@@ -138,6 +141,7 @@ impl Bodies {
             state,
             joints,
             breaks: Vec::new(),
+            left: Vec::new(),
             ranks,
             t: 0.0,
             spent: Account::default(),
@@ -228,7 +232,7 @@ impl Bodies {
             let inertia = &self.inertia[c];
             if inertia.is_free() {
                 motion::kick(&mut self.state, c, inertia, gravity, &self.loads[c], half);
-            } else if self.world.clusters[c].motion != Motion::Fixed {
+            } else if !self.world.clusters[c].stands() {
                 let Twist { velocity, spin } = self.twists[c];
                 self.spent.work -=
                     h * (self.state.force[c].dot(&velocity) + self.state.torque[c].dot(&spin));
@@ -256,6 +260,11 @@ impl Bodies {
         &self.spent
     }
 
+    /// Books energy [J] that a cluster takes with it.
+    pub(super) fn give_away(&mut self, energy: f64) {
+        self.spent.work -= energy;
+    }
+
     /// What spheres remember here.
     pub(super) fn touches(&self) -> Vec<Touch> {
         self.near.touches()
@@ -275,6 +284,7 @@ impl Bodies {
         (self.t, self.last, self.before, self.spent) = (t, last, before, spent);
         self.ranks.claim(&self.state);
         self.breaks.clear();
+        self.left.clear();
         self.unchecked = 0;
         self.refresh_with(touches);
     }
@@ -300,7 +310,7 @@ impl Bodies {
     }
 
     /// Moves clusters to the ranks where they are now, finds neighbours, and makes the lists. Collective.
-    fn refresh(&mut self) {
+    pub(super) fn refresh(&mut self) {
         let touches = self.near.touches();
         self.refresh_with(touches);
     }
@@ -327,7 +337,7 @@ impl Bodies {
         self.active.clear();
         for (j, joint) in (0..).zip(&self.joints.joints) {
             let owned = |c: u32| ranks.is_owned()[c as usize];
-            let moves = |c: u32| self.world.clusters[c as usize].motion != Motion::Fixed;
+            let moves = |c: u32| !self.world.clusters[c as usize].stands();
             if self.joints.alive[j as usize] > 0
                 && (owned(joint.a) || owned(joint.b))
                 && (moves(joint.a) || moves(joint.b))

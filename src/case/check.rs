@@ -246,6 +246,9 @@ fn output(file: &mut CaseFile, mesh: &MeshSource, end: f64) -> Result<Output, Pr
         }
     };
     let output = &mut file.output;
+    if output.energy && (*mesh == MeshSource::Nothing || file.prescribed_velocity.is_some()) {
+        return refuse("output.energy", "is the account of a flow, and no flow is computed here");
+    }
     let fields = if *mesh == MeshSource::Nothing { never } else { Every::Time(end / 50.0) };
     let bodies = if file.bodies.is_some() { Every::Time(end / 100.0) } else { never };
     Ok(Output {
@@ -253,6 +256,7 @@ fn output(file: &mut CaseFile, mesh: &MeshSource, end: f64) -> Result<Output, Pr
         bodies_every: time("bodies_every", &mut output.bodies_every, bodies, never)?,
         gauges_every: time("gauges_every", &mut output.gauges_every, step, step)?,
         checkpoint_every: time("checkpoint_every", &mut output.checkpoint_every, never, never)?,
+        energy: output.energy,
     })
 }
 

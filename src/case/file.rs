@@ -462,6 +462,8 @@ pub struct OutputTable {
     /// Time between checkpoints [s], or "never" (default).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint_every: Option<Every>,
+    /// energy.csv: a line a step with where the energy is and where it went. Costs some time.
+    pub energy: bool,
 }
 
 /// A time or a word.

@@ -285,6 +285,8 @@ pub struct Output {
     pub bodies_every: Option<f64>,
     /// Time between checkpoints [s]; `None`: none.
     pub checkpoint_every: Option<f64>,
+    /// Whether the energy of the flow is accounted for.
+    pub energy: bool,
 }
 
 /// A place where something is recorded.

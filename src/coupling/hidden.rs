@@ -4,6 +4,9 @@
 //! With n into the body and r from its centroid, `∮n = ∮r×n = ∮(g·r) r×n = 0` and `∮(g·r)n = −gV` over the whole
 //! surface: sums over what is seen give those over what is hidden. There `p = P + ρ g·r`, with P and ρ of the seen
 //! facets next to it: each counts as `A exp(s/h)`, s its place along the hidden part's outward normal.
+//!
+//! Of a body that reaches out of the mesh, across a plane of symmetry, the part inside counts: normals of the plane
+//! where it is cut off are left out of the sums.
 
 use crate::bodies::{Cluster, Load, Placed};
 use crate::cut::{CutElement, CutMesh};
@@ -15,7 +18,7 @@ use nalgebra::Vector3;
 
 /// A hidden part smaller than this share of the surface is an error of the cut.
 const LEAST: f64 = 0.05;
-/// What a body hides outside the mesh is not wet; it may reach out by this share of its size.
+/// What a body hides outside the mesh is not wet. One that reaches out by more than this share of its size is cut off.
 const OUTSIDE: f64 = 0.05;
 
 /// Bodies that something may hide, and the mesh they are in.
@@ -46,6 +49,15 @@ struct Facet {
     potential: f64,
 }
 
+/// Where a body reaches out of the mesh.
+#[derive(Clone, Copy, Debug)]
+struct CutOff {
+    /// Across one of the mesh's two sides along each axis.
+    across: [bool; 3],
+    /// Of its volume, what is inside: exact for a box along the axes, and for symmetric shapes cut in the middle.
+    inside: f64,
+}
+
 /// Sums over what is seen of a body: `∫1`, `∫n`, `∫r×n`, `∫(g·r)n`, `∫(g·r)r×n`.
 const SUMS: usize = 13;
 
@@ -60,6 +72,7 @@ impl Hidden<'_> {
     ) -> Vec<Load> {
         let count = self.clusters.len();
         let facets = self.facets(part, cut, material);
+        let cut_off: Vec<CutOff> = (0..count).map(|body| self.cut_off(body)).collect();
         let mut seen = vec![0.0; SUMS * count];
         for f in &facets {
             let turn = f.r.cross(&f.n);
@@ -70,8 +83,14 @@ impl Hidden<'_> {
             sums[1..].iter_mut().zip(numbers).for_each(|(sum, v)| *sum += f.area * v);
         }
         part.comm.sum_all(&mut seen);
+        // Forces (k even) lose the components across, torques those along.
         let sum = |body: usize, k: usize| {
-            Vector3::from_column_slice(&seen[SUMS * body + 3 * k + 1..SUMS * body + 3 * k + 4])
+            let sum = &seen[SUMS * body + 3 * k + 1..SUMS * body + 3 * k + 4];
+            let across = cut_off[body].across;
+            Vector3::from_fn(|i, _| {
+                let lost = if k % 2 == 0 { across[i] } else { (0..3).any(|j| j != i && across[j]) };
+                if lost { 0.0 } else { sum[i] }
+            })
         };
         // ∫n of the hidden part is minus that of the rest; it points into the body.
         let hides = |body: usize| {
@@ -104,7 +123,7 @@ impl Hidden<'_> {
             }
             let (p, rho, potential) = (p / weight, rho / weight, potential / weight);
             let level = p - rho * potential;
-            let volume = self.clusters[body].form.mass.volume;
+            let volume = self.clusters[body].form.mass.volume * cut_off[body].inside;
             Load {
                 force: -level * sum(body, 0) - rho * (gravity * volume + sum(body, 2)),
                 torque: -level * sum(body, 1) - rho * sum(body, 3),
@@ -113,20 +132,29 @@ impl Hidden<'_> {
         (0..count).map(load).collect()
     }
 
+    fn cut_off(&self, body: usize) -> CutOff {
+        let form = &self.clusters[body].form;
+        let bounds = form.bounds_at(&self.placed[body].pose);
+        let mut cut_off = CutOff { across: [false; 3], inside: 1.0 };
+        for k in 0..3 {
+            let (low, high) =
+                (bounds.min[k].max(self.mesh.min[k]), bounds.max[k].min(self.mesh.max[k]));
+            let (size, inside) = (bounds.max[k] - bounds.min[k], (high - low).max(0.0));
+            if size - inside > OUTSIDE * form.radius {
+                cut_off.across[k] = true;
+                cut_off.inside *= inside / size;
+            }
+        }
+        cut_off
+    }
+
     fn facets(&self, part: &MeshPart, cut: &CutMesh, material: &Material) -> Vec<Facet> {
         let gravity = Vector3::from(material.gravity());
-        let inside: Vec<bool> = (self.clusters.iter().zip(self.placed))
-            .map(|(cluster, placed)| {
-                let bounds = cluster.form.bounds_at(&placed.pose);
-                let mesh = self.mesh.inflated(OUTSIDE * cluster.form.radius);
-                (0..3).all(|k| mesh.min[k] <= bounds.min[k] && bounds.max[k] <= mesh.max[k])
-            })
-            .collect();
         let facet = |c: &CutElement| {
             let body = (c.body as usize).checked_sub(self.first)?;
             let area = c.pieces.wall.size;
             let r = Vector3::from(c.x) - self.placed[body].pose.position;
-            (self.loose[body] && inside[body] && area > 0.0).then(|| Facet {
+            (self.loose[body] && area > 0.0).then(|| Facet {
                 body,
                 element: c.element as usize,
                 shares: c.pieces.wall.first,

@@ -21,7 +21,7 @@ pub use structures::Structures;
 
 use crate::bodies::{Bodies, Load};
 use crate::case::{self, BasePressure, Case};
-use crate::cut::CutMesh;
+use crate::cut::{CutMesh, Surface};
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
@@ -50,6 +50,8 @@ pub struct Report {
     pub loads: Vec<BodyLoad>,
     /// What each body bears where it rests on something.
     pub hidden: Vec<Load>,
+    /// How the structures' walls moved in the last pass.
+    pub surfaces: Vec<Surface>,
 }
 
 /// Why a step failed.

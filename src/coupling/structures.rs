@@ -184,6 +184,7 @@ impl Structures {
         report.flow.assembly += before.assembly;
         report.flow.solve += before.solve;
         report.loads = flow.loads(part, cut, material, &surfaces);
+        report.surfaces = surfaces;
         Ok(())
     }
 }

@@ -10,7 +10,7 @@
 //! - `wall`: what the wall in a cut element adds, and what it bears. `slivers`: the ghost penalty.
 //! - `sealed`: fluid shut in between walls that move.
 //! - `loads`: forces and torques on bodies.
-//! - `step`: state, assembly, solve, fine-scale velocity.
+//! - `step`: state, assembly, solve, fine-scale velocity, where the energy of a step goes.
 //!
 //! May name `cut`, `fem`, `linear`, `mesh`, `case`. Knows nothing of ranks but what `MeshPart` offers, and
 //! of the phase field only its values.
@@ -30,4 +30,4 @@ pub mod weak_form;
 pub use loads::{BodyLoad, Load};
 pub use material::Material;
 pub use sealed::Squeezed;
-pub use step::{Flow, FlowReport};
+pub use step::{Flow, FlowReport, StepEnergy};

@@ -3,6 +3,9 @@
 //! Time: `u` at tⁿ, `p` at the middle of the last step. The first two steps are implicit Euler.
 
 mod assembly;
+mod energy;
+
+pub use energy::StepEnergy;
 
 use assembly::add;
 
@@ -336,8 +339,7 @@ impl Flow {
         let mut target = 0.0;
         for round in 0.. {
             let clock = Instant::now();
-            report.squeezed =
-                self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
+            report.squeezed = self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
             report.assembly += clock.elapsed();
             let clock = Instant::now();
             if round == 0 {

@@ -55,7 +55,8 @@ pub fn laplacian(
         for (&n, g) in tet.iter().zip(t.grad) {
             let du = &gradient[n as usize];
             for k in 0..3 {
-                sum[k] += t.volume * (g[0] * du[3 * k] + g[1] * du[3 * k + 1] + g[2] * du[3 * k + 2]);
+                sum[k] +=
+                    t.volume * (g[0] * du[3 * k] + g[1] * du[3 * k + 1] + g[2] * du[3 * k + 2]);
             }
         }
         for &n in tet {

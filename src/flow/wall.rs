@@ -145,15 +145,7 @@ impl WallElement<'_> {
         let of = |method: Method, beta: [f64; 2]| {
             let mut system = ElementSystem::default();
             Self { method, ..*self }.terms(&velocity, beta, &mut system);
-            std::array::from_fn(|i| {
-                std::array::from_fn(|k| {
-                    let row = |j: usize| {
-                        let block = &system.matrix[4 * i + j][k];
-                        dot([block[0], block[1], block[2]], u[j]) + block[3] * p[j]
-                    };
-                    (0..4).map(row).sum::<f64>() - system.rhs[i][k]
-                })
-            })
+            std::array::from_fn(|i| system.momentum(i, u, p))
         };
         if self.pieces.wall.size == 0.0 {
             return [[[0.0; 3]; 4]; 2];

@@ -62,6 +62,32 @@ impl ElementSystem {
         }
         left
     }
+
+    /// What node i's momentum rows leave of this solution, the other way round [N].
+    pub fn momentum(&self, i: usize, u: &[[f64; 3]; 4], p: &[f64; 4]) -> [f64; 3] {
+        let x = std::array::from_fn(|j| [u[j][0], u[j][1], u[j][2], p[j]]);
+        let [a, b, c, _] = self.left(i, &x);
+        [-a, -b, -c]
+    }
+}
+
+/// What the terms of the momentum equations take [W].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Powers {
+    /// ∫w·ρ(u−uⁿ)/Δt
+    pub inertia: f64,
+    /// ∫w·ρ a·∇u_θ
+    pub convection: f64,
+    /// ∫2με(w):ε(u_θ)
+    pub viscous: f64,
+    /// ∫τ a·∇w·R
+    pub streamline: f64,
+    /// ∫τ_c ρ ∇·w ∇·u
+    pub divergence: f64,
+    /// −∫p ∇·w
+    pub pressure: f64,
+    /// −∫w·F
+    pub force: f64,
 }
 
 /// Vectors with a fourth entry each, so that a row of a block fills SIMD lanes.
@@ -210,6 +236,48 @@ impl Element {
         })
     }
 
+    /// What each term of the momentum equations takes when they are tested with `w` [W], after the solve. Their sum
+    /// is `w·(A x − b)`.
+    pub fn powers(
+        &self,
+        fluid: &impl Region,
+        w: &[[f64; 3]; 4],
+        u_new: &[[f64; 3]; 4],
+        p: &[f64; 4],
+    ) -> Powers {
+        let Parameters { a: am, tau_c, .. } = self.parameters(fluid);
+        let ElementMaterial { rho, mu, force, .. } = self.material;
+        let (theta, v) = (self.theta, fluid.volume());
+        let gradient = |u: &[[f64; 3]; 4]| -> [[f64; 3]; 3] {
+            std::array::from_fn(|k| self.geometry.gradient(u.map(|u| u[k])))
+        };
+        let mid = |i: usize, k: usize| theta * u_new[i][k] + (1.0 - theta) * self.u[i][k];
+        let (dw, new) = (gradient(w), gradient(u_new));
+        let du = gradient(&std::array::from_fn(|i| std::array::from_fn(|k| mid(i, k))));
+        let divergence = |d: &[[f64; 3]; 3]| d[0][0] + d[1][1] + d[2][2];
+        let fine_scale = self.fine_scale(fluid, u_new, p);
+        let change: [[f64; 3]; 4] =
+            std::array::from_fn(|i| std::array::from_fn(|k| u_new[i][k] - self.u[i][k]));
+        let mut powers = Powers {
+            divergence: tau_c * rho * v * divergence(&dw) * divergence(&new),
+            pressure: -divergence(&dw) * (0..4).map(|j| fluid.first(j) * p[j]).sum::<f64>(),
+            ..Powers::default()
+        };
+        for k in 0..3 {
+            powers.streamline += v * rho * dot(am, dw[k]) * fine_scale[k];
+            powers.viscous +=
+                (0..3).map(|b| mu * v * dw[k][b] * (du[k][b] + du[b][k])).sum::<f64>();
+        }
+        for i in 0..4 {
+            let along = fluid.weighted(i, &self.a);
+            let convected = [0, 1, 2].map(|k| dot(along, du[k]));
+            powers.inertia += rho / self.dt * dot(w[i], fluid.weighted(i, &change));
+            powers.convection += rho * dot(w[i], convected);
+            powers.force -= fluid.first(i) * dot(w[i], force[i]);
+        }
+        powers
+    }
+
     /// ∫ ½ρ u² of nodal velocities [J].
     #[inline]
     pub fn kinetic_energy(&self, fluid: &impl Region, u: &[[f64; 3]; 4]) -> f64 {
@@ -221,5 +289,41 @@ impl Element {
     #[inline]
     pub fn potential_energy(&self, fluid: &impl Region, x: &[[f64; 3]; 4], g: [f64; 3]) -> f64 {
         -self.material.rho * dot(g, fluid.integral(x))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::region::Whole;
+
+    /// Tested with any w, the terms one by one are the rows all together.
+    #[test]
+    fn powers_add_up_to_the_system() {
+        let mut seed = 0.3_f64;
+        let mut any = || {
+            seed = (seed * 97.31 + 0.177).fract();
+            seed - 0.5
+        };
+        let mut vectors = || [0; 4].map(|_| [any(), any(), any()]);
+        let x = [[0.1, 0.0, 0.2], [0.7, 0.1, 0.0], [0.2, 0.6, -0.1], [0.0, 0.3, 0.8]];
+        let force = vectors();
+        let material = ElementMaterial { rho: 7.0, mu: 0.3, grad_mu: [0.2, -0.1, 0.4], force };
+        let geometry = Tetrahedron::new(x);
+        let (u, a, w, new) = (vectors(), vectors(), vectors(), vectors());
+        let p = vectors().map(|v| v[0]);
+        let laplacian = [0.4, -0.2, 0.1];
+        let element = Element { geometry, material, u, a, laplacian, dt: 0.07, theta: 0.5 };
+        let fluid = Whole(geometry.volume);
+        let system = element.system(&fluid);
+        let mut rows = 0.0;
+        for i in 0..4 {
+            rows += dot(w[i], system.momentum(i, &new, &p));
+        }
+        let terms = element.powers(&fluid, &w, &new, &p);
+        let Powers { inertia, convection, viscous, streamline, divergence, pressure, force } =
+            terms;
+        let sum = inertia + convection + viscous + streamline + divergence + pressure + force;
+        assert!((sum - rows).abs() < 1e-12 * (inertia.abs() + viscous.abs()), "{sum}, not {rows}");
     }
 }

@@ -65,6 +65,8 @@ pub struct State {
 pub struct Phase {
     /// φ of local nodes; ghosts valid.
     pub phi: Vec<f64>,
+    /// φ as the last step had transported it, and as it was regularised then, before its volume was corrected.
+    pub stages: [Vec<f64>; 2],
     /// δ [m].
     delta: f64,
     /// h [m].
@@ -126,6 +128,7 @@ impl Phase {
         assert_eq!(phi.len(), n, "a value of φ for each local node");
         dry(&mut phi, cut);
         let mut phase = Self {
+            stages: [phi.clone(), phi.clone()],
             delta: delta(settings, cell),
             cell,
             form: match (settings.conservative, settings.regularisation) {
@@ -244,6 +247,7 @@ impl Phase {
         let given = Given { dt, velocity, fine_scale, inflow, speed };
         let mut report = transport::step(self, part, cut, &given)?;
         self.flux.fill([0.0; 3]);
+        self.stages[0].copy_from_slice(&self.phi);
         if self.form == Form::Psi {
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
@@ -258,6 +262,7 @@ impl Phase {
             account[i] += owed;
         }
         margin::settle(self, part);
+        self.stages[1].copy_from_slice(&self.phi);
         Ok(report)
     }
 

@@ -1,5 +1,5 @@
-//! The files of bodies: `bodies.vtkhdf` (their surfaces), `bodies.csv` (energies, recorded points) and
-//! `bonds.csv` (every face that came off).
+//! The files of bodies: `bodies.vtkhdf` (their surfaces), `bodies.csv` (energies, recorded points), `bonds.csv` (every
+//! face that came off) and `left.csv` (every body that left the mesh).
 
 use super::output::Schedule;
 use crate::bodies::{Bodies, Tracked, cohesion_law::BROKEN};
@@ -38,6 +38,19 @@ const BONDS: [(&str, &str); 8] = [
     ("area", "m2"),
 ];
 
+/// Columns of left.csv.
+const LEFT: [(&str, &str); 9] = [
+    ("t", "s"),
+    ("body", ""),
+    ("entry", ""),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+    ("u", "m/s"),
+    ("v", "m/s"),
+    ("w", "m/s"),
+];
+
 /// Fields at the points of surfaces.
 const FIELDS: [(&str, usize); 4] = [("velocity", 3), ("damage", 1), ("body", 1), ("entry", 1)];
 
@@ -49,10 +62,13 @@ pub struct BodiesOutput {
     surfaces: MovingFile,
     table: Option<TableWriter>,
     bonds: Option<TableWriter>,
+    left: Option<TableWriter>,
     schedule: Schedule,
     tracked: Vec<Tracked>,
     /// Breaks of this rank that are in bonds.csv already.
     written: usize,
+    /// Bodies that are in left.csv already.
+    gone: usize,
     /// Corners of each cluster's surface in its own frame, and their first id.
     corners: Vec<(Vec<Vector3<f64>>, u64)>,
 }
@@ -107,9 +123,11 @@ impl BodiesOutput {
             surfaces,
             table: open("bodies.csv", &columns)?,
             bonds: open("bonds.csv", &BONDS)?,
+            left: open("left.csv", &LEFT)?,
             schedule: Schedule::new(every, after),
             tracked: tracked.to_vec(),
             written: bodies.breaks.len(),
+            gone: bodies.left.len(),
             corners,
         }))
     }
@@ -125,6 +143,7 @@ impl BodiesOutput {
     /// A file that cannot be written.
     pub fn write_if_due(&mut self, t: f64, bodies: &Bodies) -> Result<(), Error> {
         self.write_breaks(bodies)?;
+        self.write_left(bodies)?;
         if !self.schedule.take(t) {
             return Ok(());
         }
@@ -168,6 +187,20 @@ impl BodiesOutput {
                 written = written.and_then(|()| table.row(&row));
             }
         }
+        Error::agree(bodies.ranks.comm(), written)
+    }
+
+    fn write_left(&mut self, bodies: &Bodies) -> Result<(), Error> {
+        let mut written = Ok(());
+        if let Some(table) = &mut self.left {
+            for left in &bodies.left[self.gone..] {
+                let entry = bodies.world.clusters[left.cluster as usize].group;
+                let (x, v) = (left.place, left.velocity);
+                let row = [left.t, left.cluster.into(), entry.into(), x.x, x.y, x.z, v.x, v.y, v.z];
+                written = written.and_then(|()| table.row(&row));
+            }
+        }
+        self.gone = bodies.left.len();
         Error::agree(bodies.ranks.comm(), written)
     }
 

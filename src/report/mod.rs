@@ -3,6 +3,7 @@
 //! May name `case`, `mesh` and the crate `io`; knows of the physics only the values it writes.
 
 pub mod bodies;
+pub mod energy;
 pub mod gauges;
 pub mod output;
 pub mod plan;

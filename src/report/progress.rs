@@ -40,11 +40,11 @@ impl Progress {
         Self { shown, terminal, started: Instant::now(), last: None, t_start, t_end }
     }
 
-    /// Says a sentence, on a line of its own.
-    pub fn say(&self, sentence: &str) {
+    /// Something that happened, on a line of its own.
+    pub fn tell(&mut self, what: &str) {
         if self.shown {
-            // A terminal that has gone away is no reason to stop.
-            let _ = writeln!(std::io::stdout().lock(), "{sentence}");
+            let clear = if self.terminal { "\r\x1b[K" } else { "" };
+            let _ = writeln!(std::io::stdout().lock(), "{clear}{what}");
         }
     }
 

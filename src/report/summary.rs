@@ -33,6 +33,8 @@ pub struct Summary {
     /// The whole run [s].
     wall_seconds: f64,
     flow_iterations: u64,
+    /// Bodies that left the mesh.
+    bodies_left: u64,
     stages: Vec<Stage>,
     /// Peak memory of each rank [MB].
     memory_peak_mb: Vec<f64>,
@@ -59,6 +61,8 @@ pub struct Totals {
     pub wall_seconds: f64,
     /// Iterations of the flow's solver.
     pub flow_iterations: u64,
+    /// Bodies that left the mesh and were taken out.
+    pub bodies_left: u64,
 }
 
 impl Summary {
@@ -86,6 +90,7 @@ impl Summary {
             t: totals.t,
             wall_seconds: comm.max(totals.wall_seconds),
             flow_iterations: totals.flow_iterations,
+            bodies_left: totals.bodies_left,
             stages: stages
                 .iter()
                 .map(|(name, seconds, calls)| Stage {

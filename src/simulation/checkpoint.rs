@@ -37,6 +37,10 @@ impl Simulation {
             })
             .collect();
         scalars.extend(lists.iter().map(|(name, v)| (name.as_str(), *v)));
+        let ledger = self.energy.as_ref().map(|ledger| ledger.state()).unwrap_or_default();
+        let ledger: Vec<(String, f64)> =
+            (0..).zip(ledger).map(|(i, v): (u32, _)| (format!("energy.{i}"), v)).collect();
+        scalars.extend(ledger.iter().map(|(name, v)| (name.as_str(), *v)));
         let part = &self.part;
         let bodies = self.bodies.as_ref().map(|bodies| bodies.record()).unwrap_or_default();
         let shared: Vec<(String, f64)> =
@@ -121,6 +125,13 @@ impl Simulation {
             flow.fine_scale = vectors(saved.read_f64("elements", "fine_scale", 3, ids)?);
             flow.dt_old = scalar("dt_old")?;
             flow.steps = saved.step();
+        }
+        if let Some(ledger) = &mut self.energy {
+            let mut state = ledger.state();
+            for (i, v) in state.iter_mut().enumerate() {
+                *v = scalar(&format!("energy.{i}"))?;
+            }
+            ledger.restore(&state);
         }
         if let Some(bodies) = &mut self.bodies {
             let all = |group: &str| (0..saved.count(group).unwrap_or(0)).collect::<Vec<u64>>();

@@ -8,15 +8,24 @@ use partition::Communicator;
 /// A column of water falls onto two glued boxes, light for it, that stand across the ranks' borders.
 const CASE: &str = include_str!("../boxes_in_a_wave.toml");
 
-/// Places after some steps, against those of the same run on one rank.
+/// Places and energies after some steps, against those of the same run on one rank.
 pub fn boxes_in_a_wave(comm: &Communicator) {
-    let (mut shared, mut alone) = (start(CASE, comm), start(CASE, &Communicator::single()));
+    let case = CASE.to_string() + "\n[output]\nenergy = true\n";
+    let (mut shared, mut alone) = (start(&case, comm), start(&case, &Communicator::single()));
     for step in 0..12 {
         let dt = 0.004;
         let (a, b) = (shared.step(dt).unwrap(), alone.step(dt).unwrap());
         assert!(a.passes > 1 && a.passes == b.passes, "step {step}: {} {}", a.passes, b.passes);
     }
     compare(&shared, &alone);
+    let energies = |run: &Simulation| run.energy.as_ref().unwrap().energy.line();
+    let (a, b) = (energies(&shared), energies(&alone));
+    for (k, (a, b)) in a.iter().zip(&b).enumerate() {
+        assert!(
+            (a - b).abs() < 1e-7 * alone.energy.as_ref().unwrap().energy.total(),
+            "{k}: {a} {b}"
+        );
+    }
     let moved = |b: &Placed| b.twist.velocity.norm() > 1e-3;
     assert!(alone.bodies.unwrap().placed().iter().all(moved), "they have not moved");
 }
@@ -66,4 +75,39 @@ pub fn a_wall_in_a_wave_breaks_alike(comm: &Communicator) {
             assert!(at(first.1) < at(then.1), "{a:?} instead of {b:?}");
         }
     }
+}
+
+/// Two balls leave through the open end of a channel, one after the other, and one stays.
+const DEBRIS: &str = include_str!("../debris.toml");
+
+/// Bodies that leave are taken out on every rank, at the same time, with the energy that they take along.
+pub fn debris_leaves(comm: &Communicator) {
+    let (mut shared, mut alone) = (start(DEBRIS, comm), start(DEBRIS, &Communicator::single()));
+    let left = |run: &Simulation| run.bodies.as_ref().unwrap().left.clone();
+    let begin = alone.bodies.as_ref().unwrap().account().total();
+    for _ in 0..40 {
+        shared.step(0.01).unwrap();
+        alone.step(0.01).unwrap();
+        let (a, b) = (left(&shared), left(&alone));
+        assert_eq!(a.len(), b.len(), "at {} s", alone.clock.t);
+        for (a, b) in a.iter().zip(&b) {
+            assert_eq!(a.cluster, b.cluster);
+            assert!((a.place - b.place).norm() < 1e-9, "{a:?} {b:?}");
+        }
+    }
+    compare(&shared, &alone);
+    let gone = left(&alone);
+    assert_eq!(gone.iter().map(|left| left.cluster).collect::<Vec<_>>(), [0, 1]);
+    // Outside by its radius: 1 + 2 × 0.12 m, from 0.8 m and 0.4 m at 3 m/s, found at the end of a step.
+    for (left, start) in gone.iter().zip([0.8, 0.4]) {
+        let reached = (1.24 - start) / 3.0;
+        assert!(left.t > reached - 0.01 && left.t < reached + 0.03, "{left:?}, not {reached}");
+    }
+    let bodies = alone.bodies.as_ref().unwrap();
+    let account = bodies.account();
+    let taken: f64 = (0..2).map(|c| 0.5 * bodies.world.clusters[c].mass * 9.0).sum();
+    assert!((account.total() - begin).abs() < 1e-9 * taken, "{account:?}");
+    assert!((account.work / -taken - 1.0).abs() < 0.05 && account.kinetic < 0.01 * taken);
+    let still = bodies.placed()[2].twist.velocity.norm();
+    assert!(still < 0.3, "the ball that stays: {still} m/s");
 }

@@ -29,6 +29,7 @@ const BODIES: &[(&str, Body)] = &[
     ("lists_between_ranks", communication::lists_between_ranks),
     ("agreement_on_errors", communication::agreement_on_errors),
     ("halo_of_a_ring", communication::halo_of_a_ring),
+    ("debris_leaves", coupling::debris_leaves),
     ("everything_is_owned_once", parts::everything_is_owned_once),
     ("halos_are_complete", parts::halos_are_complete),
     ("owners_have_most_elements", parts::owners_have_most_elements),

@@ -1,6 +1,7 @@
 //! The linear system of a step: elements, walls, open faces, ghost penalties; then what the boundaries and dry
 //! nodes fix.
 
+use super::energy::wet_face;
 use super::*;
 use crate::flow::loads::Load;
 
@@ -180,7 +181,7 @@ impl Flow {
     }
 
     /// Face `f` of the open ones, in the step that began with the velocity `old`; none if it is dry.
-    fn open_face(
+    pub(super) fn open_face(
         &self,
         part: &MeshPart,
         cut: &CutMesh,
@@ -189,27 +190,12 @@ impl Flow {
         old: &[[f64; 3]],
         theta: f64,
     ) -> Option<OpenFace> {
-        let mesh = &part.mesh;
         let (e, nodes) = self.open_faces[f];
-        let tet = &mesh.tets[e as usize];
-        let corners = mesh.corners(e as usize);
-        let area = triangle_normal(nodes.map(|n| mesh.nodes[n as usize]));
-        let size = norm(area);
-        let mass = match cut.cell(e as usize) {
-            Cell::Solid => return None,
-            Cell::Whole => [0, 1, 2]
-                .map(|i| [0, 1, 2].map(|j| size * if i == j { 1.0 / 6.0 } else { 1.0 / 12.0 })),
-            Cell::Cut(_) => {
-                let corner = nodes.map(|n| tet.iter().position(|&m| m == n));
-                let corner = corner.map(|c| c.expect("a face has three of its element's nodes"));
-                let d = tet.map(|n| cut.distance[n as usize]);
-                let fluid = cut_face(&corners, &d, 6 - corner.iter().sum::<usize>());
-                corner.map(|i| corner.map(|j| fluid.second(i, j)))
-            }
-        };
+        let (normal, mass) = wet_face(part, cut, e as usize, nodes)?;
+        let (tet, corners) = (&part.mesh.tets[e as usize], part.mesh.corners(e as usize));
         let n = nodes.map(|n| n as usize);
         Some(OpenFace {
-            normal: area.map(|a| a / size),
+            normal,
             mass,
             u: n.map(|n| old[n]),
             a: n.map(|n| self.a[n]),
@@ -233,9 +219,9 @@ impl Flow {
                 Cell::Whole => element.system(&Whole(element.geometry.volume)),
             };
             let x = part.mesh.tets[e].map(|n| self.x[n as usize]);
+            let u = x.map(|x| [x[0], x[1], x[2]]);
             for (i, place) in part.mesh.corners(e).into_iter().enumerate() {
-                let [a, b, c, _] = system.left(i, &x);
-                left.add([-a, -b, -c], place);
+                left.add(system.momentum(i, &u, &x.map(|x| x[3])), place);
             }
         }
         for (f, (e, nodes)) in self.open_faces.iter().enumerate() {
@@ -245,13 +231,8 @@ impl Flow {
             let Some(face) = self.open_face(part, cut, material, f, &self.u_old, theta) else {
                 continue;
             };
-            let (rhs, c) = face.system();
-            for (i, &node) in nodes.iter().enumerate() {
-                let row = |k: usize| {
-                    let terms = nodes.iter().zip(face.mass[i]);
-                    terms.map(|(&n, m)| c * m * self.x[n as usize][k]).sum::<f64>() - rhs[i][k]
-                };
-                left.add([row(0), row(1), row(2)], part.mesh.nodes[node as usize]);
+            for (&n, row) in nodes.iter().zip(self.face_rows(&face, nodes)) {
+                left.add(row, part.mesh.nodes[n as usize]);
             }
         }
         let mut sums = [left.force, left.torque];
