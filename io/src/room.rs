@@ -21,7 +21,7 @@ pub(crate) fn room(comm: &Communicator, path: &Path, mine: u64) -> Result<(), Er
             let [needed, left] = [needed, left].map(|bytes| bytes as f64 / 1e6);
             Err(Error::file(
                 path,
-                format!("needs {needed:.0} MB, {left:.0} MB are left on the disk"),
+                format!("needs {needed:.1} MB, {left:.1} MB are left on the disk"),
             ))
         }
         _ => Ok(()),
@@ -38,7 +38,7 @@ fn left(folder: &Path) -> Option<u64> {
     unsafe {
         (libc::statvfs(name.as_ptr(), system.as_mut_ptr()) == 0).then(|| {
             let system = system.assume_init();
-            system.f_bavail as u64 * system.f_frsize as u64
+            system.f_bavail * system.f_frsize
         })
     }
 }
@@ -52,6 +52,6 @@ mod tests {
         let (comm, path) = (Communicator::single(), std::env::temp_dir().join("any.h5"));
         room(&comm, &path, 1).unwrap();
         let said = room(&comm, &path, 1 << 60).unwrap_err().to_string();
-        assert!(said.contains("any.h5: needs 1152921504624 MB, "), "{said}");
+        assert!(said.contains("any.h5: needs 1152921504623.6 MB, "), "{said}");
     }
 }
