@@ -18,7 +18,7 @@ water = "x < 0.35 && z < 0.4"
 [air]
 
 [time]
-end = 0.2
+end = 0.6
 step = 0.01
 
 [output]
@@ -32,32 +32,27 @@ fn a_file_that_cannot_grow_ends_the_run_in_one_sentence_and_it_goes_on_when_it_c
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("case.toml"), CASE).unwrap();
-    for ranks in ["1", "2"] {
-        let out = format!("{ranks}_ranks");
-        let run = |limit: &str, more: &str| -> Output {
-            // A limit of 512-byte blocks stands for the disk's end; the signal that comes with it is not the disk's.
-            let script = format!(
-                "ulimit -f {limit}; trap '' XFSZ; exec mpirun -q -n {ranks} {} case.toml --out {out} --quiet {more}",
-                env!("CARGO_BIN_EXE_fcm-fsi")
-            );
-            let mut command = Command::new("sh");
-            command.args(["-c", &script]).current_dir(&folder);
-            for name in ["ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM"] {
-                command.env(format!("OMPI_{name}"), "1");
-            }
-            command.env("OMPI_MCA_rmaps_base_oversubscribe", "1");
-            command.env("OMPI_MCA_mpi_yield_when_idle", "1").output().expect("sh starts")
-        };
-        let full = run("300", "");
-        let said = String::from_utf8_lossy(&full.stderr);
-        assert_eq!(full.status.code(), Some(1), "{said}");
-        let expected = format!("error: {out}/fields.vtkhdf: cannot ");
-        assert!(said.starts_with(&expected), "{said}");
-        assert!(said.trim_end().ends_with(": File too large"), "{said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
-        assert!(find(&folder.join(&out)).is_some(), "a checkpoint from before");
+    let run = |limit: &str, more: &str| -> Output {
+        // A limit in blocks of 512 bytes stands for the disk's end; the signal that comes with it is not the disk's.
+        let script = format!(
+            "ulimit -f {limit}; trap '' XFSZ; exec {} case.toml --quiet {more}",
+            env!("CARGO_BIN_EXE_fcm-fsi")
+        );
+        // By mpirun, or the limit is that of Open MPI's own files too.
+        let mut command = Command::new("mpirun");
+        command.args(["-q", "-n", "1", "sh", "-c", &script]).current_dir(&folder);
+        command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+        command.output().expect("mpirun starts")
+    };
+    let full = run("600", "--out results");
+    let said = String::from_utf8_lossy(&full.stderr);
+    assert_eq!(full.status.code(), Some(1), "{said}");
+    // Open MPI has something to say of its own.
+    let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{said}");
+    assert!(errors[0].starts_with("error: results/fields.vtkhdf: cannot write "), "{said}");
+    assert!(find(&folder.join("results")).is_some(), "a checkpoint from before");
 
-        let on = run("unlimited", &format!("--restart {out}"));
-        assert!(on.status.success(), "{}", String::from_utf8_lossy(&on.stderr));
-    }
+    let on = run("unlimited", "--restart results --out again");
+    assert!(on.status.success(), "{}", String::from_utf8_lossy(&on.stderr));
 }

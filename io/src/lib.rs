@@ -6,6 +6,7 @@ pub mod checkpoint;
 pub mod error;
 pub mod gmsh;
 pub mod moving;
+mod room;
 mod shared_file;
 pub mod surface;
 pub mod table;

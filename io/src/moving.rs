@@ -6,6 +6,7 @@
 
 use crate::Error;
 use crate::blocks::ToBlocks;
+use crate::room::room;
 use crate::shared_file::{Open, SharedFile};
 use hdf5::types::FixedAscii;
 use partition::Communicator;
@@ -102,6 +103,8 @@ impl MovingFile {
         fields: &[&[f64]],
     ) -> Result<(), Error> {
         assert_eq!(fields.len(), self.fields.len(), "every declared field is given");
+        let values: usize = fields.iter().map(|values| values.len()).sum();
+        room(&self.comm, &self.path, 4 * (values + 3 * points.len()) as u64)?;
         let to_blocks = ToBlocks::new(&self.comm, ids);
         let file = SharedFile::open(&self.comm, &self.path, Open::Change)?;
         let step = file.rows("VTKHDF/Steps/Values")?;

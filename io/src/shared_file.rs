@@ -14,6 +14,7 @@ use hdf5_sys::h5p::{
 };
 use hdf5_sys::h5s::{H5S_seloper_t::H5S_SELECT_SET, H5Sselect_hyperslab, H5Sselect_none};
 use partition::Communicator;
+use std::mem::ManuallyDrop;
 use std::path::Path;
 
 /// Rows per chunk of a large table: 64 Ki rows of one f32 are 256 KiB, of a tetrahedron 2 MiB.
@@ -23,7 +24,8 @@ const CHUNK_ROWS: u64 = 1 << 16;
 pub(crate) struct SharedFile<'a> {
     comm: &'a Communicator,
     path: &'a Path,
-    file: hdf5::File,
+    /// Not closed after an error: it is collective, and the ranks may no longer be at the same place.
+    file: ManuallyDrop<hdf5::File>,
 }
 
 /// How `SharedFile` opens.
@@ -48,12 +50,12 @@ impl<'a> SharedFile<'a> {
             Open::Change => options.open_rw(path),
         };
         let file = agree(comm, path, "open for writing", file)?;
-        Ok(Self { comm, path, file })
+        Ok(Self { comm, path, file: ManuallyDrop::new(file) })
     }
 
     /// Closes the file; all that was written is then on disk.
     pub fn close(self) -> Result<(), Error> {
-        agree(self.comm, self.path, "close", self.file.close())
+        agree(self.comm, self.path, "close", ManuallyDrop::into_inner(self.file).close())
     }
 
     /// Hands what was written so far to the operating system.

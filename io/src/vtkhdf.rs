@@ -15,6 +15,7 @@
 
 use crate::Error;
 use crate::blocks::ToBlocks;
+use crate::room::room;
 use crate::shared_file::{Open, SharedFile};
 use hdf5::types::FixedAscii;
 use partition::{Communicator, IndexMap};
@@ -56,6 +57,7 @@ impl FieldsFile {
         mesh: FieldsMesh,
         fields: &[(&str, usize)],
     ) -> Result<Self, Error> {
+        room(comm, path, (24 * mesh.nodes.n_owned + 41 * mesh.tets.len()) as u64)?;
         let (this, tables) = Self::new(comm, path, mesh, fields);
         let file = SharedFile::open(comm, path, Open::Create)?;
         this.create_tables(&file, &tables)?;
@@ -100,6 +102,8 @@ impl FieldsFile {
     /// order they were declared. Collective.
     pub fn append(&mut self, time: f64, fields: &[(&str, &[f64])]) -> Result<(), Error> {
         assert_eq!(fields.len(), self.fields.len(), "every declared field is given");
+        let values: usize = fields.iter().map(|(_, values)| values.len()).sum();
+        room(&self.comm, &self.path, 4 * values as u64)?;
         let file = SharedFile::open(&self.comm, &self.path, Open::Change)?;
         for ((declared, components), (name, values)) in self.fields.iter().zip(fields) {
             assert_eq!(declared, name, "fields are given in the declared order");

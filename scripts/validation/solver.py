@@ -18,6 +18,7 @@ def iterations(work):
     subprocess.run([program, "state", state], stdout=subprocess.DEVNULL, check=True)
     sizes = {15: (1, 4, 16), 29: (1, 4, 16)} if work.quick else {15: (1, 2, 4, 16), 29: (1, 2, 4, 16), 46: (1, 16)}
     rows = []
+    print("   top     CFL    nodes  ranks  to 1e-3  to 1e-6")
     for top in ("open", "closed"):
         for courant in (1, 10):
             for cells, all_ranks in sizes.items():
@@ -27,12 +28,13 @@ def iterations(work):
                     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
                     if done.returncode != 0:
                         raise RuntimeError(f"{top}, Courant number {courant}, {cells}, {ranks} ranks: {done.stderr[-300:]}")
-                    rows.append({"cells": cells, **json.loads(done.stdout)})
-    (work.folder / "table.json").write_text(json.dumps(rows, indent=1) + "\n")
-    print("   top     CFL    nodes  ranks  to 1e-3  to 1e-6")
-    for row in rows:
-        rough, fine = row["iterations"]
-        print(f"   {row['top']:6} {row['courant']:4.0f} {row['nodes']:8} {row['ranks']:6} {rough:8} {fine:8}")
+                    row = {"cells": cells, **json.loads(done.stdout)}
+                    rough, fine = row["iterations"]
+                    line = f"   {row['top']:6} {row['courant']:4.0f} {row['nodes']:8} {row['ranks']:6} {rough:8} {fine:8}"
+                    print(line, flush=True)
+                    # At once: the last ones take long.
+                    rows.append(row)
+                    (work.folder / "table.json").write_text(json.dumps(rows, indent=1) + "\n")
     coarse, fine = min(sizes), max(sizes)
     for top in ("open", "closed"):
         for courant in (1, 10):

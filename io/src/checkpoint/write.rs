@@ -1,9 +1,10 @@
 //! Writing: each rank its file, then the manifest, then the name that makes it a checkpoint.
 
 use super::manifest::{self, Manifest};
-use super::{State, UNFINISHED, Values, is_checkpoint, named, rank_file};
+use super::{Group, State, UNFINISHED, Values, is_checkpoint, named, rank_file};
 use crate::Error;
 use crate::error::reason;
+use crate::room::room;
 use hdf5::H5Type;
 use partition::Communicator;
 use std::fs::{self, File};
@@ -20,6 +21,10 @@ const CHUNK: usize = 1 << 16;
 /// then. Collective.
 pub fn write(comm: &Communicator, dir: &Path, state: &State) -> Result<PathBuf, Error> {
     let path = dir.join(format!("checkpoint-{:08}", state.step));
+    let components =
+        |group: &Group<'_>| group.arrays.iter().map(|array| array.1).sum::<usize>() + 1;
+    let values: usize = state.groups.iter().map(|group| group.ids.len() * components(group)).sum();
+    room(comm, &path, 8 * values as u64)?;
     let unfinished = path.with_extension(UNFINISHED);
     let begun = if comm.rank() == 0 { begin(&unfinished) } else { Ok(()) };
     Error::agree(comm, begun)?;
