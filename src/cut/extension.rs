@@ -19,15 +19,11 @@ pub struct Extension {
 impl Extension {
     /// From the fluid of `before` to that of `after`; `gravity` says which way is down. Collective.
     pub fn new(part: &MeshPart, before: &CutMesh, after: &CutMesh, gravity: [f64; 3]) -> Self {
+        let mut extension = Self::default();
+        // 0: has values; 1: needs them; 2: has none and needs none.
         let mut state = vec![0u8; part.n_local()];
         before.dry_nodes.iter().for_each(|&n| state[n as usize] = 1);
         after.dry_nodes.iter().for_each(|&n| state[n as usize] *= 2);
-        Self::of_states(part, state, gravity)
-    }
-
-    /// Of local nodes that have values (0), need them (1), or have none and need none (2). Collective.
-    pub fn of_states(part: &MeshPart, mut state: Vec<u8>, gravity: [f64; 3]) -> Self {
-        let mut extension = Self::default();
         loop {
             let mut pairs: Vec<(u32, u32)> = Vec::new();
             for tet in &part.mesh.tets {

@@ -169,12 +169,6 @@ impl CutMesh {
         self.distance.get(i).is_none_or(|d| *d > 0.0)
     }
 
-    /// Whether an element around local node `i` is cut or solid.
-    #[inline]
-    pub fn is_near(&self, i: usize) -> bool {
-        self.far.get(i).is_some_and(|far| *far == 0)
-    }
-
     /// The connected bodies of fluid; empty without structures. Collective.
     pub fn bodies_of_fluid(&self, part: &MeshPart) -> Vec<FluidBody> {
         if self.state.is_empty() {

@@ -13,10 +13,9 @@ use super::material::Material;
 use super::open_boundary::OpenFace;
 use super::sealed::{Sealed, Squeezed};
 use super::slivers::{self, Entry, WithEntries};
-use super::viscous;
-use super::viscous_force::laplacian;
 use super::wall::{Method, WallElement};
 use super::weak_form::Element;
+use super::{viscous, viscous_force};
 use crate::case::{Boundary, Case, Formula};
 use crate::cut::tetrahedron::cut_face;
 use crate::cut::{Cell, CutElement, CutMesh, Extension, Surface};
@@ -89,7 +88,7 @@ pub struct Flow {
     /// The same, whether it is or not.
     began: f64,
     a: Vec<[f64; 3]>,
-    /// ∇²a [1/(m s)].
+    /// ∇²uⁿ [1/(m s)].
     laplacian: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
     graph: NodeGraph,
@@ -251,6 +250,7 @@ impl Flow {
             *a = std::array::from_fn(|k| u[k] + ratio * (u[k] - old[k]));
         }
         self.evaluate_body_force(part, t + theta * dt);
+        self.laplacian = viscous_force::laplacian(part, cut, &self.constraints.nodes, &self.u);
 
         // The previous solution, with what the boundaries give at the new time, is the first guess; in a step
         // done again, the solution found for it before.
@@ -271,9 +271,6 @@ impl Flow {
                     *a = std::array::from_fn(|k| 0.5 * (u[k] + x[k]));
                 }
             }
-            let clock = Instant::now();
-            self.laplacian = laplacian(part, cut, &self.constraints.nodes, &self.a);
-            report.assembly += clock.elapsed();
             let solved =
                 self.solve(part, cut, surfaces, material, [dt, theta], again, &mut report)?;
             report.iterations += solved.iterations;

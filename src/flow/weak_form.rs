@@ -5,10 +5,10 @@
 //! ```text
 //!     ∫ w·ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∫ 2με(w):ε(u_θ) − ∫ p ∇·w + ∫ q ∇·u
 //!     + ∫ τ { a·∇w + ∇q/ρ }·R + ∫ τ_c ρ ∇·w ∇·u = ∫ w·F,
-//!     R = ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∇p − F − 2ε(u_θ)∇μ − μ∇²a.
+//!     R = ρ( (u−uⁿ)/Δt + a·∇u_θ ) + ∇p − F − 2ε(u_θ)∇μ − μ∇²uⁿ.
 //! ```
 //!
-//! ∇²a is recovered from the neighbourhood (`viscous_force`).
+//! ∇²uⁿ is recovered from the neighbourhood (`viscous_force`).
 //!
 //! The fine-scale velocity `u' = (τ/ρ) R` makes `u − u'` divergence-free against every P1 function:
 //! `∫ q ∇·u + ∫ ∇q·u' = 0` is the continuity equation of this very form.
@@ -30,7 +30,7 @@ pub struct Element {
     pub u: [[f64; 3]; 4],
     /// Advecting velocity at n+½ at the corners [m/s].
     pub a: [[f64; 3]; 4],
-    /// ∇²u of the residual, which linear functions have none of [1/(m s)].
+    /// ∇²uⁿ, which linear functions have none of [1/(m s)].
     pub laplacian: [f64; 3],
     /// Time step [s].
     pub dt: f64,

@@ -33,7 +33,8 @@ impl Flow {
         }
         let laplacian = if material.grad_mu == [0.0; 3] {
             let l = tet.map(|n| self.laplacian[n as usize]);
-            std::array::from_fn(|k| 0.25 * (l[0][k] + l[1][k] + l[2][k] + l[3][k]))
+            let share = 0.25 * viscous_force::share(&geometry);
+            std::array::from_fn(|k| share * (l[0][k] + l[1][k] + l[2][k] + l[3][k]))
         } else {
             [0.0; 3]
         };
