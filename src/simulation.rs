@@ -51,6 +51,8 @@ pub struct Simulation {
     structures: Structures,
     /// What the fluid did to each structure over the last step: obstacles first, then bodies.
     pub loads: Vec<BodyLoad>,
+    /// What it did to each body where that rests on something and the cut does not see it.
+    hidden: Vec<Load>,
     /// Velocity and pressure, unless the velocity is given.
     pub flow: Option<Flow>,
     /// The free surface, if there are two fluids.
@@ -217,6 +219,7 @@ impl Simulation {
             cut,
             loads: vec![BodyLoad::default(); structures.first_body() + structures.placed.len()],
             structures,
+            hidden: Vec::new(),
             flow,
             phase,
             material,
@@ -323,7 +326,7 @@ impl Simulation {
                 stages.add("bodies", done.bodies);
             }
             (report.flow, report.passes) = (done.flow, done.passes);
-            self.loads = done.loads;
+            (self.loads, self.hidden) = (done.loads, done.hidden);
         } else if let Some(bodies) = &mut self.bodies {
             let loads = vec![Load::default(); bodies.state.len()];
             stages.time("bodies", || bodies.advance(dt, &loads));
@@ -466,7 +469,12 @@ impl Simulation {
             phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
             distance: &self.cut.distance,
             dry: &self.cut.dry_nodes,
-            loads: &self.loads[..self.structures.first_body()],
+            loads: self.structures.by_name(
+                self.bodies.as_ref(),
+                &self.loads,
+                &self.hidden,
+                self.case.bodies.as_ref().map_or(0, |b| b.bodies.len()),
+            ),
             riding: self.structures.ride(&self.riders, self.clock.t),
         }
     }

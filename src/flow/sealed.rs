@@ -91,7 +91,9 @@ impl Sealed {
         part.comm.sum_all(sums.as_flattened_mut());
         for &(i, body, moment) in &self.nodes {
             let [left, all] = sums[body as usize];
-            rhs[i as usize][3] -= left * weight(i, moment) / all;
+            if all > 0.0 {
+                rhs[i as usize][3] -= left * weight(i, moment) / all;
+            }
         }
         let volume = sums.iter().map(|[left, _]| left.abs() * dt).sum();
         Squeezed { pockets: self.names.len() as u32, volume }
