@@ -7,6 +7,7 @@ use crate::linear::{
     relaxation::Jacobi,
 };
 use crate::mesh::boxes::tensor_box;
+use crate::mesh::tetrahedron::Tetrahedron;
 use std::f64::consts::PI;
 
 pub(super) const SETTINGS: FreeSurface = FreeSurface {
