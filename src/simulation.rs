@@ -54,6 +54,8 @@ pub struct Simulation {
     structures: Structures,
     /// What the fluid did to each structure over the last step: obstacles first, then bodies.
     pub loads: Vec<BodyLoad>,
+    /// What it did to each body where that rests on something and the cut does not see it.
+    hidden: Vec<Load>,
     /// Velocity and pressure, unless the velocity is given.
     pub flow: Option<Flow>,
     /// The free surface, if there are two fluids.
@@ -224,6 +226,7 @@ impl Simulation {
             cut,
             loads: vec![BodyLoad::default(); structures.first_body() + structures.placed.len()],
             structures,
+            hidden: Vec::new(),
             flow,
             phase,
             material,
@@ -340,7 +343,7 @@ impl Simulation {
                 stages.add("bodies", done.bodies);
             }
             (report.flow, report.passes) = (done.flow, done.passes);
-            self.loads = done.loads;
+            (self.loads, self.hidden) = (done.loads, done.hidden);
             if let Some(bodies) = &mut self.bodies {
                 bodies.take_out(&self.structures.mesh, &self.structures.placed);
             }
@@ -501,7 +504,12 @@ impl Simulation {
             phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
             distance: &self.cut.distance,
             dry: &self.cut.dry_nodes,
-            loads: &self.loads[..self.structures.first_body()],
+            loads: self.structures.by_name(
+                self.bodies.as_ref(),
+                &self.loads,
+                &self.hidden,
+                self.case.bodies.as_ref().map_or(0, |b| b.bodies.len()),
+            ),
             riding: self.structures.ride(&self.riders, self.clock.t),
         }
     }

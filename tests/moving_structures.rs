@@ -170,3 +170,23 @@ fn blocks_that_touch_are_as_thick_as_all_of_them() {
         with(1)
     );
 }
+
+/// A ball of this density on a bed of water: what the water does to it is in loads.csv, by the entry's name.
+#[test]
+fn loads_on_bodies_are_written_by_name() {
+    let case = format!(
+        "time = {{ end = 0.02, step = 0.01 }}\n{TANK}\n[bodies]\nsphere_radius = 0.1\n[[body]]\nname = \"ball\"\nsphere = 0.1\n\
+         at = [0.5, 0.2, 0.25]\ndensity = 1000\nlocked = [\"x\", \"y\", \"z\"]\n"
+    );
+    let folder = run("body_loads", &case, &[]);
+    let [force, traction, area] =
+        columns(folder.join("loads.csv"), &["ball_force_z", "ball_traction_z", "ball_area"])
+            .try_into()
+            .expect("three columns");
+    // Four cells across: its discrete volume is up to a sixth too small.
+    let weight = 9810.0 * 4.18879e-3;
+    for f in [force[2], traction[2]] {
+        assert!((f / weight - 1.0).abs() < 0.2, "{f} N, {weight} N displaced");
+    }
+    assert!((area[2] / 0.125_664 - 1.0).abs() < 0.1, "{}", area[2]);
+}

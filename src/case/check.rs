@@ -59,6 +59,12 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     let gauges = (0..file.gauge.len()).map(|i| gauge(i, &file));
     let gauges = gauges.collect::<Result<_, _>>()?;
     let bodies = bodies::check(&mut file, paper, &reader, &sources.folder)?;
+    for (i, body) in (1..).zip(&file.body) {
+        if obstacles.iter().any(|o| o.name == body.name) {
+            let message = format!("an obstacle is called \"{}\" too", body.name);
+            return refuse(format!("body[{i}].name"), message);
+        }
+    }
     sources.make_absolute(&mut file);
     let effective = toml::to_string(&file)
         .unwrap_or_else(|error| panic!("every case file can be written as TOML: {error}"));

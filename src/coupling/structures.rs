@@ -87,6 +87,45 @@ impl Structures {
         }
     }
 
+    /// Loads on each obstacle, then on all bodies of each entry together, torques about their common centroid;
+    /// `hidden` adds to the reaction. There are so many `entries`.
+    pub fn by_name(
+        &self,
+        bodies: Option<&Bodies>,
+        loads: &[BodyLoad],
+        hidden: &[Load],
+        entries: usize,
+    ) -> Vec<BodyLoad> {
+        let mut sums = loads[..self.first_body()].to_vec();
+        let clusters = bodies.map_or(&[][..], |b| &b.world.clusters);
+        let mut centres = vec![(0.0, Vector3::zeros()); entries];
+        for (cluster, placed) in clusters.iter().zip(&self.placed) {
+            let centre = &mut centres[cluster.group as usize];
+            centre.0 += cluster.mass;
+            centre.1 += cluster.mass * placed.pose.position;
+        }
+        sums.resize(self.first_body() + entries, BodyLoad::default());
+        for (c, (cluster, placed)) in clusters.iter().zip(&self.placed).enumerate() {
+            let (entry, seen) = (cluster.group as usize, &loads[self.first_body() + c]);
+            let arm = placed.pose.position - centres[entry].1 / centres[entry].0;
+            let under = hidden.get(c).copied().unwrap_or_default();
+            let sum = &mut sums[self.first_body() + entry];
+            for (sum, seen, under) in [
+                (&mut sum.reaction, &seen.reaction, under),
+                (&mut sum.traction, &seen.traction, Load::default()),
+            ] {
+                let force = Vector3::from(seen.force) + under.force;
+                let torque = Vector3::from(seen.torque) + under.torque + arm.cross(&force);
+                for k in 0..3 {
+                    sum.force[k] += force[k];
+                    sum.torque[k] += torque[k];
+                }
+            }
+            sum.area += seen.area;
+        }
+        sums
+    }
+
     /// Cells that the fastest wall crosses a second: its speed across over the cell's size that way. Collective.
     pub fn crossing_rate(&self, part: &MeshPart, cut: &CutMesh, t: f64, dt: f64) -> f64 {
         let surfaces = self.surfaces(t, dt);

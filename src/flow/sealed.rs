@@ -93,7 +93,9 @@ impl Sealed {
         part.comm.sum_all(sums.as_flattened_mut());
         for &(i, body, moment) in &self.nodes {
             let [sum, all] = sums[body as usize];
-            left[i as usize][3] -= sum * weight(i, moment) / all;
+            if all > 0.0 {
+                left[i as usize][3] -= sum * weight(i, moment) / all;
+            }
         }
         let volume = sums.iter().map(|[sum, _]| sum.abs() * dt).sum();
         Squeezed { pockets: self.names.len() as u32, volume }

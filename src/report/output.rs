@@ -1,7 +1,7 @@
 //! The files of a run: fields, gauges, history, and when each is due.
 
 use super::gauges::Gauges;
-use crate::case::{Case, Obstacle};
+use crate::case::{Case, MeshSource};
 use crate::flow::BodyLoad;
 use crate::mesh::MeshPart;
 use io::table::TableWriter;
@@ -45,8 +45,8 @@ pub struct Snapshot<'a> {
     pub distance: &'a [f64],
     /// Nodes without fluid, ascending.
     pub dry: &'a [u32],
-    /// What the fluid does to each body.
-    pub loads: &'a [BodyLoad],
+    /// What the fluid does to each obstacle, then to each entry of bodies.
+    pub loads: Vec<BodyLoad>,
     /// Gauges that ride on structures: place and outward normal.
     pub riding: Vec<[[f64; 3]; 2]>,
 }
@@ -61,7 +61,8 @@ pub struct Output {
     bodies: Option<TableWriter>,
 }
 
-/// Columns of loads.csv for each obstacle: the weak form's reaction, then its traction alone.
+/// Columns of loads.csv for each obstacle and each entry of bodies: the weak form's reaction, with what bears where a
+/// body rests on something, then its traction alone.
 const BODY: [(&str, &str); 13] = [
     ("force_x", "N"),
     ("force_y", "N"),
@@ -156,20 +157,23 @@ impl Output {
             columns.extend(gauges.columns.iter().map(|(name, unit)| (name.as_str(), *unit)));
             table("gauges.csv", &columns)?
         };
+        let bodies = case.bodies.iter().flat_map(|b| &b.bodies).map(|b| b.name.clone());
+        let names: Vec<String> =
+            case.obstacles.iter().map(|o| o.name.clone()).chain(bodies).collect();
         Ok(Self {
             fields,
             gauge_table,
             gauge_schedule: Schedule::new(case.output.gauges_every.unwrap_or(0.0), after),
             gauges,
             history: table("history.csv", &HISTORY)?,
-            bodies: if case.obstacles.is_empty() {
+            bodies: if case.mesh == MeshSource::Nothing || names.is_empty() {
                 None
             } else {
-                let named = |o: &Obstacle| {
-                    let name = o.name.clone();
+                let named = |name: &String| {
+                    let name = name.clone();
                     BODY.map(move |(column, unit)| (format!("{name}_{column}"), unit))
                 };
-                let columns: Vec<_> = case.obstacles.iter().flat_map(named).collect();
+                let columns: Vec<_> = names.iter().flat_map(named).collect();
                 let columns = columns.iter().map(|(name, unit)| (name.as_str(), *unit));
                 let columns: Vec<_> = std::iter::once(("t", "s")).chain(columns).collect();
                 table("loads.csv", &columns)?
@@ -215,7 +219,7 @@ impl Output {
 
     fn write_bodies(&mut self, part: &MeshPart, now: &Snapshot) -> Result<(), io::Error> {
         let mut row = vec![now.t];
-        for l in now.loads {
+        for l in &now.loads {
             for load in [&l.reaction, &l.traction] {
                 row.extend(load.force);
                 row.extend(load.torque);

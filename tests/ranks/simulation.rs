@@ -143,7 +143,7 @@ pub fn same_fields_around_led_blocks(comm: &Communicator) {
             "#
         );
         let (relative, _) = differences(comm, &parse(text), 20);
-        assert!(relative.iter().all(|&r| r < 1e-6), "u, p, φ on one and more ranks: {relative:?}");
+        assert!(relative.iter().all(|&r| r < 1e-9), "u, p, φ on one and more ranks: {relative:?}");
     }
 }
 

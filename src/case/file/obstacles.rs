@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObstacleTable {
-    /// Its name in loads.csv.
+    /// Its name in loads.csv; no body has the same.
     pub name: String,
     /// Edges along x, y, z [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
