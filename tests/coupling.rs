@@ -59,39 +59,44 @@ fn a_piston_pushes_its_column() {
 }
 
 /// A block that lies on the bottom of still water is as much lighter as the water that it displaces weighs; dry
-/// underneath, it is pressed down by what stands above it.
+/// underneath, it is pressed down by what stands above it. One that a plane of symmetry halves, half as much.
 #[test]
 fn a_block_on_the_bottom_has_buoyancy() {
-    let mut run = start(
-        "[mesh]\nbox = { x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }\n\
-         [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
-         [time]\nend = 1\nstep = 0.01\n\
-         [solver]\ntolerance = 1e-8\n\
-         [bodies]\nsphere_radius = 0.05\nslip = true\nsettle = 0.05\n\
-         [[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
-         [[body]]\nname = \"block\"\nbox = [0.4, 0.3, 0.2]\nat = [0.5, 0.45, 0.1]\ndensity = 3000\n"
-            .into(),
-    );
-    for _ in 0..3 {
-        run.step(0.01).unwrap();
+    for (y, share) in [(0.45, 1.0), (0.0, 0.5)] {
+        let mut run = start(format!(
+            "[mesh]\nbox = {{ x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }}\n\
+             [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
+             [time]\nend = 1\nstep = 0.01\n\
+             [solver]\ntolerance = 1e-8\n\
+             [bodies]\nsphere_radius = 0.05\nslip = true\nsettle = 0.05\n\
+             [[wall]]\nname = \"floor\"\nplane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}\n\
+             [[body]]\nname = \"block\"\nbox = [0.4, 0.3, 0.2]\nat = [0.5, {y}, 0.1]\ndensity = 3000\n\
+             locked = [\"y\", \"rx\", \"rz\"]\n"
+        ));
+        for _ in 0..3 {
+            run.step(0.01).unwrap();
+        }
+        let bodies = run.bodies.as_ref().unwrap();
+        let hidden = Hidden {
+            clusters: &bodies.world.clusters,
+            placed: &bodies.placed(),
+            loose: &bodies.loose(),
+            first: 0,
+            mesh: &Bounds { min: Vector3::zeros(), max: Vector3::repeat(1.0) },
+        };
+        let flow = run.flow.as_ref().unwrap();
+        let hidden = hidden.loads(&run.part, &run.cut, &run.material, flow)[0];
+        let seen = run.loads[0].reaction;
+        let buoyancy = share * 1000.0 * 9.81 * 0.4 * 0.3 * 0.2;
+        assert!(seen.force[2] < -2.0 * buoyancy, "{seen:?}");
+        let force = hidden.force + Vector3::from(seen.force);
+        assert!((force.z / buoyancy - 1.0).abs() < 1e-3, "{force:?}");
+        let torque = hidden.torque + Vector3::from(seen.torque);
+        // What the plane of symmetry bears is in neither. Torques of what is seen are summed with one point a facet.
+        let off =
+            if share == 1.0 { force.xy().norm() + torque.norm() / 0.2 } else { torque.y / 0.2 };
+        assert!(off.abs() < 1e-2 * buoyancy, "{force:?} {torque:?}");
     }
-    let bodies = run.bodies.as_ref().unwrap();
-    let hidden = Hidden {
-        clusters: &bodies.world.clusters,
-        placed: &bodies.placed(),
-        loose: &bodies.loose(),
-        first: 0,
-        mesh: &Bounds { min: Vector3::zeros(), max: Vector3::repeat(1.0) },
-    };
-    let hidden = hidden.loads(&run.part, &run.cut, &run.material, run.flow.as_ref().unwrap())[0];
-    let seen = run.loads[0].reaction;
-    let buoyancy = 1000.0 * 9.81 * 0.4 * 0.3 * 0.2;
-    assert!(seen.force[2] < -3.0 * buoyancy, "{seen:?}");
-    let force = hidden.force + Vector3::from(seen.force);
-    assert!((force - Vector3::new(0.0, 0.0, buoyancy)).norm() < 1e-3 * buoyancy, "{force:?}");
-    let torque = hidden.torque + Vector3::from(seen.torque);
-    // Torques of what is seen are summed with one point a facet.
-    assert!(torque.norm() < 1e-2 * buoyancy * 0.2, "{torque:?}");
 }
 
 /// What the bodies get is what the water loses: all momentum rows without the walls' terms add up to minus the loads,
