@@ -247,6 +247,70 @@ fn a_pile_comes_to_rest() {
     assert!(rest.kinetic < 1e-4 * e, "{rest:?}");
 }
 
+/// A force that grows with time and a constant torque on a free cube of 8 kg: ½ t² 16 N/s / m, t 0.8 N m / I.
+#[test]
+fn applied_forces_move_bodies() {
+    let mut bodies = start(
+        "gravity = [0, 0, 0]
+        [time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.05
+        [[body]]
+        name = 'pushed'
+        box = [0.2, 0.2, 0.2]
+        density = 1000
+        force = ['16 * t', 0, 0]
+        torque = [0, 0, 0.8]",
+    );
+    (0..100).for_each(|_| advance(&mut bodies, 0.01));
+    assert!((bodies.state.velocity[0].x - 1.0).abs() < 1e-9, "{:?}", bodies.state.velocity);
+    assert!((bodies.state.pose[0].position.x - 1.0 / 3.0).abs() < 1e-4);
+    assert!((bodies.spin(0).z - 0.8 / (8.0 * 0.04 / 6.0)).abs() < 1e-9, "{:?}", bodies.spin(0));
+    let account = bodies.account();
+    assert!((account.kinetic - account.work).abs() < 1e-3 * account.work, "{account:?}");
+}
+
+/// A wall that one body feels and another does not; a glued block comes to rest as one.
+#[test]
+fn blocks_come_to_rest_on_the_walls_they_feel() {
+    let mut bodies = start(
+        "[time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.05
+        stiffness = 1e6
+        restitution = 0.2
+        bond = { strength = 1e6, opening = 1e-3, points = 2 }
+        [[wall]]
+        name = 'shelf'
+        plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+        [[wall]]
+        name = 'ground'
+        plane = { point = [0, 0, -1], normal = [0, 0, 1] }
+        [[body]]
+        name = 'felt'
+        box = [0.4, 0.4, 0.4]
+        at = [0, 0, 0.21]
+        grid = [2, 2, 2]
+        bonded = true
+        density = 1000
+        [[body]]
+        name = 'unfelt'
+        box = [0.2, 0.2, 0.2]
+        at = [2, 0, 0.11]
+        density = 1000
+        ignores = ['shelf']",
+    );
+    let begin = bodies.account();
+    advance(&mut bodies, 2.0);
+    let (end, z) = (bodies.account(), |c: usize| bodies.state.pose[c].position.z);
+    assert!((0..8).all(|c| (z(c) - if c < 4 { 0.1 } else { 0.3 }).abs() < 1e-3), "{}", z(0));
+    assert!((z(8) + 0.9).abs() < 1e-3, "{}", z(8));
+    assert!(end.kinetic < 1e-6 && bodies.breaks.is_empty(), "{end:?}");
+    assert!((end.total() / begin.total() - 1.0).abs() < 0.01, "{begin:?} {end:?}");
+}
+
 /// What is wrong with bodies is said with line, key and the nearest name.
 #[test]
 fn wrong_bodies_are_refused() {
@@ -297,6 +361,11 @@ friction_angle = 20";
             "sphere_radius = 0.02",
             "sphere_radius = 0.02\ntime_step = 1",
             "5: bodies.time_step: 1.000e0 s is longer than the longest stable step",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\nranks = 0",
+            "5: bodies.ranks: must be at least 1, is 0",
         ),
         (
             "normal = [0, 0, 1]",

@@ -41,6 +41,11 @@ pub struct Balls {
 }
 
 impl Balls {
+    /// Number of candidates.
+    pub(super) fn n_candidates(&self) -> usize {
+        self.dashpot.len()
+    }
+
     /// Forgets all lists.
     pub(super) fn clear(&mut self, world: &World) {
         self.balls.resize(world.clusters.len(), Ball::default());

@@ -97,6 +97,11 @@ impl Neighbours {
         Self { skin, ..Self::default() }
     }
 
+    /// Number of candidates, balls' among them.
+    pub fn n_candidates(&self) -> usize {
+        self.candidates.len() + self.balls.n_candidates()
+    }
+
     /// Moves the spheres to where their clusters are.
     pub fn place(&mut self, state: &State) {
         self.balls.place(state);

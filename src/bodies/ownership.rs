@@ -1,10 +1,15 @@
 //! Which clusters this rank moves, and which of other ranks it knows (METHOD.md, 6).
 //!
-//! A cluster belongs to the rank that its centroid's place belongs to; a rule says which, and may leave a
-//! cluster where it is. Without a mesh the rule is a recursive bisection of the clusters as they stand at
-//! first, weighted by their spheres. Whenever neighbour lists are made anew, clusters go to the ranks where
-//! they are now, with all that they remember, and each rank learns of the clusters near its own. In between,
-//! one message goes to each neighbour in a sub-step.
+//! Flow and bodies take turns, so each is spread over the ranks for itself: the mesh by its elements, bodies by
+//! a recursive bisection of where they are, weighted by what they cost. A cluster belongs to the rank that its
+//! centroid's place belongs to; the bisection is made anew when clusters have gathered on a few ranks. Where
+//! there is little to do, fewer ranks do it: two ranks save half of a sub-step's work and send a message in each,
+//! which takes microseconds, but milliseconds where ranks share processors with others. One rank alone sends
+//! none.
+//!
+//! Whenever neighbour lists are made anew, clusters go to the ranks where they are now, with all that they
+//! remember, and each rank learns of the clusters near its own. In between, one message goes to each neighbour in
+//! a sub-step.
 
 use super::cluster::State;
 use super::cohesion::Joints;
@@ -17,14 +22,23 @@ use partition::{Communicator, Exchange, IndexMap};
 use std::fmt;
 use std::sync::Arc;
 
-/// The rank that a place belongs to; `None`: whatever is there stays with its rank.
-pub type Rule = Arc<dyn Fn(Vector3<f64>) -> Option<usize> + Send + Sync>;
+/// Time that a cluster and a bond's point take in a sub-step [s], roughly.
+const CLUSTER: f64 = 5e-7;
+const POINT: f64 = 2e-8;
+/// The least that a rank is bothered for in a sub-step [s].
+const SHARE: f64 = 5e-4;
+/// Most over mean work at which it is shared anew.
+const UNEVEN: f64 = 1.5;
 
 /// A rank's own clusters and those near them.
 #[derive(Clone)]
 pub struct Ownership {
     comm: Communicator,
-    rule: Rule,
+    /// Ranks that share the work.
+    sharing: usize,
+    regions: Arc<Regions>,
+    /// Work of each cluster in a sub-step [s].
+    weights: Arc<[f64]>,
     is_owned: Vec<bool>,
     /// In ascending order.
     owned: Vec<u32>,
@@ -62,25 +76,31 @@ const ALL: usize = NEAR + 12 + 6 + 7;
 
 impl Ownership {
     /// One rank owns all.
-    pub fn single(state: &State) -> Self {
-        Self::by_rule(&Communicator::single(), state, Arc::new(|_| None))
+    pub fn single(world: &World, state: &State, joints: &Joints) -> Self {
+        Self::new(&Communicator::single(), world, state, joints, None)
     }
 
-    /// By where the clusters are now, all of which every rank knows. Collective.
-    pub fn new(comm: &Communicator, world: &World, state: &State) -> Self {
-        let weight = |c: usize| world.clusters[c].form.spheres.len() as f64;
-        let places: Vec<(Vector3<f64>, f64)> =
-            (0..state.len()).map(|c| (state.pose[c].position, weight(c))).collect();
-        let tree = Regions::split(places, 0..comm.size());
-        Self::by_rule(comm, state, Arc::new(move |x| Some(tree.rank_of(x))))
-    }
-
-    /// By a rule, which on each rank need only know the rank's own ground. Every rank knows all clusters now.
-    /// Collective.
-    pub fn by_rule(comm: &Communicator, state: &State, rule: Rule) -> Self {
+    /// By where the clusters are now, all of which every rank knows; shared by `ranks` ranks, if given.
+    pub fn new(
+        comm: &Communicator,
+        world: &World,
+        state: &State,
+        joints: &Joints,
+        ranks: Option<u32>,
+    ) -> Self {
+        let mut weights = vec![CLUSTER; world.clusters.len()];
+        for joint in &joints.joints {
+            let half = 0.5 * POINT * f64::from(joint.end - joint.first);
+            [joint.a, joint.b].into_iter().for_each(|c| weights[c as usize] += half);
+        }
+        let enough = || (weights.iter().sum::<f64>() / SHARE) as usize;
+        let sharing = ranks.map_or_else(enough, |n| n as usize).clamp(1, comm.size());
+        let places = state.pose.iter().map(|pose| pose.position).zip(weights.iter().copied());
         let mut ownership = Self {
             comm: comm.clone(),
-            rule,
+            sharing,
+            regions: Arc::new(Regions::split(places.collect(), 0..sharing)),
+            weights: weights.into(),
             is_owned: Vec::new(),
             owned: Vec::new(),
             local: Vec::new(),
@@ -91,22 +111,31 @@ impl Ownership {
         ownership
     }
 
-    /// Deals all clusters out anew, while every rank knows them; the first rank takes those on nobody's
-    /// ground. Collective.
+    /// Takes the clusters of this rank's region, while every rank knows all of them.
     pub(super) fn claim(&mut self, state: &State) {
         let me = self.comm.rank();
-        let mine: Vec<u32> = (0..state.len() as u32)
-            .filter(|&c| (self.rule)(state.pose[c as usize].position) == Some(me))
-            .collect();
-        let mut owner = vec![0; state.len()];
-        for (rank, list) in self.comm.all_gather(&mine).into_iter().enumerate().rev() {
-            list.into_iter().for_each(|c| owner[c as usize] = rank);
-        }
-        self.is_owned = owner.iter().map(|&rank| rank == me).collect();
+        let mine = |pose: &Pose| self.regions.rank_of(pose.position) == me;
+        self.is_owned = state.pose.iter().map(mine).collect();
         self.owned = (0..state.len() as u32).filter(|&c| self.is_owned[c as usize]).collect();
         self.local.clone_from(&self.owned);
         self.order.clone_from(&self.owned);
         self.exchange = None;
+    }
+
+    /// Makes the regions anew if the work has become uneven. Collective.
+    fn share_anew(&mut self, state: &State) {
+        let mine = || self.owned.iter().map(|&c| c as usize);
+        let work = mine().map(|c| self.weights[c]).sum();
+        let (most, all) = (self.comm.max(work), self.comm.sum(work));
+        if most * self.sharing as f64 > UNEVEN * all {
+            let wire = mine().map(|c| {
+                let [x, y, z] = state.pose[c].position.into();
+                [x, y, z, self.weights[c]]
+            });
+            let all = self.comm.all_gather(&wire.collect::<Vec<[f64; 4]>>()).concat();
+            let places = all.into_iter().map(|[x, y, z, weight]| (Vector3::new(x, y, z), weight));
+            self.regions = Arc::new(Regions::split(places.collect(), 0..self.sharing));
+        }
     }
 
     /// The ranks.
@@ -156,8 +185,11 @@ impl Ownership {
         all.iter().map(|(_, numbers)| unpack_near(numbers)).collect()
     }
 
-    /// Largest over ranks. Collective.
+    /// Largest over the ranks that share the work. Collective.
     pub fn largest(&self, values: [f64; 2]) -> [f64; 2] {
+        if self.sharing == 1 {
+            return values;
+        }
         values.map(|x| self.comm.max(x))
     }
 
@@ -176,9 +208,10 @@ impl Ownership {
         touches: Vec<Touch>,
         margin: f64,
     ) -> Vec<Touch> {
-        if self.comm.size() == 1 {
+        if self.sharing == 1 {
             return touches;
         }
+        self.share_anew(luggage.state);
         let touches = self.hand_over(&mut luggage, touches);
         let Luggage { state, twists, .. } = luggage;
         let bounds = |c: u32| {
@@ -224,7 +257,7 @@ impl Ownership {
         let mut to = vec![me; state.len()];
         for &c in &self.owned {
             let c = c as usize;
-            let rank = (self.rule)(state.pose[c].position).unwrap_or(me);
+            let rank = self.regions.rank_of(state.pose[c].position);
             to[c] = rank;
             if rank != me {
                 let mut numbers = [0.0; ALL];
@@ -337,6 +370,7 @@ fn rotation(coords: &[f64]) -> nalgebra::UnitQuaternion<f64> {
 }
 
 /// Places cut in two by planes, again and again.
+#[derive(Debug)]
 enum Regions {
     Rank(usize),
     Cut { axis: usize, at: f64, below: Box<Regions>, above: Box<Regions> },

@@ -406,6 +406,11 @@ impl Bodies {
         Account::from_array(self.ranks.sum(account.to_array()))
     }
 
+    /// Pairs of spheres, and spheres and walls, that this rank looks at in a sub-step.
+    pub fn candidates(&self) -> usize {
+        self.near.n_candidates()
+    }
+
     /// Deepest overlap of two spheres so far on this rank, over the smaller radius.
     pub fn deepest(&self) -> f64 {
         self.near.deepest

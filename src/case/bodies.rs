@@ -26,6 +26,8 @@ pub struct Bodies {
     pub fraction: f64,
     /// Time to come to rest before t = 0 [s].
     pub settle: f64,
+    /// Ranks that share the bodies; `None`: as many as have enough to do.
+    pub ranks: Option<u32>,
     /// How flow and bodies are solved.
     pub coupling: Coupling,
     /// What is under bodies that rest on something.

@@ -108,7 +108,7 @@ pub fn bodies(
     }
     let settings =
         Settings { time_step: asked.time_step, fraction: asked.fraction, ..Settings::default() };
-    let ranks = Ownership::new(comm, &world, &state);
+    let ranks = Ownership::new(comm, &world, &state, &joints, asked.ranks);
     let mut bodies = Bodies::new(world, state, joints, settings, ranks)
         .map_err(|unstable| case.source.error("bodies.time_step", unstable.to_string()))?;
     if asked.settle > 0.0 {

@@ -1,5 +1,6 @@
 //! Clusters against exact solutions.
 
+mod cost;
 mod fracture;
 mod impact;
 mod rigid_motion;
@@ -80,7 +81,7 @@ impl Scene {
         for (c, v, w) in self.moving {
             self.state.set_motion(c, &self.world.clusters[c], v, w);
         }
-        let ranks = Ownership::single(&self.state);
+        let ranks = Ownership::single(&self.world, &self.state, &self.joints);
         Bodies::new(self.world, self.state, self.joints, self.settings, ranks).unwrap()
     }
 }

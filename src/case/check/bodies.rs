@@ -70,6 +70,7 @@ pub fn check(
         time_step: table.time_step.map(|h| positive("bodies.time_step", h)).transpose()?,
         fraction: between("bodies.fraction", table.fraction, 0.0, 1.0)?,
         settle: not_negative("bodies.settle", table.settle)?,
+        ranks: table.ranks.map(|n| at_least_one("bodies.ranks", n)).transpose()?,
         coupling: *table.coupling.get_or_insert(if paper {
             Coupling::Loose
         } else {

@@ -35,6 +35,10 @@ pub struct BodiesTable {
     /// Bodies come to rest under gravity for this long before t = 0 [s].
     #[serde(default)]
     pub settle: f64,
+    /// Ranks that share the bodies, at most all; as many as have half a millisecond of work each in a sub-step, if
+    /// not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<u32>,
     /// How flow and bodies are solved: auto (default) together where a body is light for the water around it,
     /// strong together for all bodies in water, loose one after the other (preset "paper").
     #[serde(default, skip_serializing_if = "Option::is_none")]
