@@ -22,7 +22,7 @@ use crate::linear::{
     OwnedProduct, SchurPreconditioner, Workspace, fgmres, residual_weights,
 };
 use crate::mesh::MeshPart;
-use std::time::{Duration, Instant};
+use crate::mesh::part::Cost;
 
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
@@ -103,10 +103,10 @@ pub struct FlowReport {
     pub kinetic: f64,
     /// −∫ ρ g·x of the step's densities [J].
     pub potential: f64,
-    /// Time for element matrices.
-    pub assembly: Duration,
-    /// Time for preconditioner and solve.
-    pub solve: Duration,
+    /// Of element matrices.
+    pub assembly: Cost,
+    /// Of preconditioner and solve.
+    pub solve: Cost,
 }
 
 impl Flow {
@@ -244,13 +244,13 @@ impl Flow {
                     *a = std::array::from_fn(|k| 0.5 * (u[k] + x[k]));
                 }
             }
-            let clock = Instant::now();
+            let clock = part.comm.clock();
             self.assemble(part, cut, surfaces, material, dt, theta);
             self.assemble_slivers(part, cut, material, dt);
             self.constrain();
             self.fix_dry_nodes(cut);
             report.assembly += clock.elapsed();
-            let clock = Instant::now();
+            let clock = part.comm.clock();
             let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
                 viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
             });
@@ -275,6 +275,11 @@ impl Flow {
         self.steps += 1;
         self.began = report.initial_residual;
         Ok(report)
+    }
+
+    /// What the system was last solved with.
+    pub fn preconditioner(&self) -> &SchurPreconditioner {
+        &self.preconditioner
     }
 
     /// The state, to go back to.
