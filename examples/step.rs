@@ -6,22 +6,23 @@
 //! The tank is 4 × 1 × 1 m. `solve` takes the coarse state over to a mesh of 4N × N × N cells (the distance
 //! to the surface is interpolated, so that the surface is as sharp as on any mesh of its own), lets it
 //! settle for four steps at Courant number 1 and one at CFL, and solves the next step to 1e-3 and, from
-//! the same guess, to 1e-6. It prints one line of JSON, with the time the step to 1e-3 took and the peak
-//! memory of all ranks. STRETCH: ratio of the tallest to the lowest cell.
+//! the same guess, to 1e-6. It prints one line of JSON, with what the stages of the step to 1e-3 cost, how its multigrid
+//! was used, and the peak memory of all ranks. STRETCH: ratio of the tallest to the lowest cell.
 
 use fcm_fsi::case::{Case, Sources};
 use fcm_fsi::fem::courant_rate;
 use fcm_fsi::flow::Flow;
 use fcm_fsi::phase::inflow::Inflow;
 use fcm_fsi::phase::{Phase, initial};
-use fcm_fsi::report::summary::memory_peak_mb;
+use fcm_fsi::report::stages::Stages;
+use fcm_fsi::report::summary::{Stage, memory_peak_mb};
 use fcm_fsi::setup;
 use fcm_fsi::simulation::Simulation;
 use partition::Communicator;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// Cells over the height of the coarse run, and its end [s].
 const COARSE: usize = 15;
@@ -147,18 +148,30 @@ fn solve(comm: &Communicator, arguments: &[String]) {
     let flow = run.flow.as_ref().unwrap();
     let before = (flow.u.clone(), flow.u_old.clone(), flow.p.clone(), flow.dt_old, flow.steps);
     let t = run.clock.t;
+    run.stages = Stages::default();
     comm.sum(0.0);
-    let clock = Instant::now();
+    let clock = comm.clock();
     let rough = run.step(dt).unwrap().flow;
-    let step = comm.max(clock.elapsed().as_secs_f64());
-    let memory = comm.sum(memory_peak_mb());
+    let cost = clock.elapsed();
+    let [seconds, memory] = [comm.max(cost.seconds), comm.sum(memory_peak_mb())];
+    let stages = run.stages.iter().chain([("step", cost, 1)]);
+    let stages: Vec<Stage> =
+        stages.map(|(name, cost, calls)| Stage::new(&run.part, name, cost, calls)).collect();
+    let multigrid = run.flow.as_ref().unwrap().preconditioner().multigrid();
+    let levels: Vec<_> = (multigrid.visits())
+        .map(|(nodes, visits, traffic)| {
+            let [exchanges, messages, bytes] = traffic.map(|n| comm.sum_u64(n));
+            json!({ "nodes": nodes, "visits": visits, "exchanges": exchanges / comm.size() as u64,
+                    "messages": messages, "bytes": bytes })
+        })
+        .collect();
     let flow = run.flow.as_mut().unwrap();
     (flow.u, flow.u_old, flow.p, flow.dt_old, flow.steps) = before;
     flow.tolerance = 1e-6;
     let fine = flow.advance(&run.part, &run.cut, &[], &run.material, t, dt).unwrap();
     let nodes = comm.sum_u64(run.part.n_owned() as u64);
     let tets = comm.sum_u64(run.part.n_owned_elements as u64);
-    let line = serde_json::json!({
+    let line = json!({
         "nodes": nodes,
         "ranks": comm.size(),
         "courant": courant,
@@ -167,10 +180,11 @@ fn solve(comm: &Communicator, arguments: &[String]) {
         "iterations": [rough.iterations, fine.iterations],
         "reached": [rough.residual / rough.initial_residual, fine.residual / fine.initial_residual],
         "tets": tets,
-        "step": step,
-        "assembly": comm.max(rough.assembly.as_secs_f64()),
+        "step": seconds,
+        "stages": stages,
+        "levels": levels,
         "memory_mb": memory,
-        "seconds": [rough.solve.as_secs_f64(), fine.solve.as_secs_f64()],
+        "solve": [comm.sum(rough.solve.work), comm.sum(fine.solve.work)],
     });
     if comm.rank() == 0 {
         println!("{line}");

@@ -68,7 +68,7 @@ pub struct Simulation {
     pub energy: Option<Ledger>,
     /// Where time stands.
     pub clock: Clock,
-    /// Wall time by stage.
+    /// What each stage has cost.
     pub stages: Stages,
     /// Of the mesh before refinement, on rank 0.
     pub quality: Option<Quality>,
@@ -198,7 +198,9 @@ impl Simulation {
     /// # Errors
     /// What is wrong with the case or its mesh.
     pub fn new(case: Case, comm: &Communicator) -> Result<Self, SetupError> {
-        let (part, quality) = setup::mesh(&case, comm)?;
+        let mut stages = Stages::default();
+        let (part, quality) = stages.time("mesh", || setup::mesh(&case, comm))?;
+        let clock = comm.clock();
         let balance = Balance::of(&part);
         let inflow = Inflow::new(&case, &part);
         let obstacles = Obstacles::new(&case, &part)?;
@@ -221,6 +223,8 @@ impl Simulation {
             no_fine_scale.resize(part.mesh.tets.len(), [0.0; 3]);
             prescribe(&case, &part, 0.0, &mut given);
         }
+        let smallest = setup::smallest_cell(&part);
+        stages.add("set-up", clock.elapsed());
         Ok(Self {
             case,
             cut,
@@ -232,10 +236,10 @@ impl Simulation {
             material,
             energy,
             clock: Clock { t: 0.0, step: 0, t_phase: 0.0, dt: 0.0, before: 0.0 },
-            stages: Stages::default(),
+            stages,
             quality,
             size: Size { nodes: balance.nodes(), elements: balance.elements() },
-            smallest: setup::smallest_cell(&part),
+            smallest,
             gauges,
             riders,
             inflow,
@@ -401,6 +405,7 @@ impl Simulation {
         }
         let mut line = Line { t: self.clock.t, ..Line::default() };
         let mut pockets = 0;
+        let begin = self.part.comm.clock();
         while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
             let rate = courant_rate(&self.part, self.velocity());
             let due = checkpoints.map(|schedule| schedule.next_time());
@@ -418,7 +423,7 @@ impl Simulation {
                 ));
             }
             pockets = sealed.pockets;
-            let clock = Instant::now();
+            let clock = self.part.comm.clock();
             line = self.line(&report, dt * rate);
             output.write_history(&self.part, self.history(&report, dt * rate))?;
             if let (Some(file), Some(ledger)) = (&mut energy, &self.energy) {
@@ -449,6 +454,7 @@ impl Simulation {
             wall_seconds: started.elapsed().as_secs_f64(),
             flow_iterations,
             bodies_left: self.bodies.as_ref().map_or(0, |bodies| bodies.left.len() as u64),
+            cost: begin.elapsed(),
         };
         let summary = Summary::new(&self.case, &self.part, &self.stages, totals);
         let written = if first { summary.write(&options.out) } else { Ok(()) };

@@ -1,5 +1,6 @@
 //! A group of ranks and the few collectives the program needs.
 
+use crate::cost::{Clock, collective};
 use crate::message::{Incoming, Item, Outgoing, transfer};
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
@@ -12,7 +13,7 @@ pub type RawCommunicator = mpi::ffi::MPI_Comm;
 /// A group of ranks. Cheap to clone. `single()` needs no MPI.
 ///
 /// Methods are collective (every rank calls them, in the same order) but for `rank`, `size`,
-/// `raw_mpi`, `send_list` and `receive_list`.
+/// `raw_mpi`, `clock`, `exchange_with`, `send_list` and `receive_list`.
 #[derive(Clone, Debug)]
 pub struct Communicator {
     rank: usize,
@@ -42,11 +43,17 @@ impl Communicator {
     pub fn raw_mpi(&self) -> Option<RawCommunicator> {
         self.mpi.then(|| SimpleCommunicator::world().as_raw())
     }
+    /// Starts to measure what this rank spends, on its own and on talking to others. Not collective.
+    pub fn clock(&self) -> Clock {
+        Clock::start()
+    }
     /// Sum over ranks, the same bits on every rank.
     pub fn sum(&self, x: f64) -> f64 {
         let mut sum = x;
         if self.size > 1 {
-            SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+            collective(8, || {
+                SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+            });
         }
         sum
     }
@@ -54,14 +61,18 @@ impl Communicator {
     pub fn sum_all(&self, x: &mut [f64]) {
         if self.size > 1 && !x.is_empty() {
             let mine = x.to_vec();
-            SimpleCommunicator::world().all_reduce_into(&mine[..], x, SystemOperation::sum());
+            collective(size_of_val(x), || {
+                SimpleCommunicator::world().all_reduce_into(&mine[..], x, SystemOperation::sum());
+            });
         }
     }
     /// Sum of counts over ranks.
     pub fn sum_u64(&self, x: u64) -> u64 {
         let mut sum = x;
         if self.size > 1 {
-            SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+            collective(8, || {
+                SimpleCommunicator::world().all_reduce_into(&x, &mut sum, SystemOperation::sum());
+            });
         }
         sum
     }
@@ -72,7 +83,9 @@ impl Communicator {
         }
         let mine = if x.is_nan() { [f64::NEG_INFINITY, 1.0] } else { [x, 0.0] };
         let mut all = [0.0; 2];
-        SimpleCommunicator::world().all_reduce_into(&mine, &mut all, SystemOperation::max());
+        collective(16, || {
+            SimpleCommunicator::world().all_reduce_into(&mine, &mut all, SystemOperation::max());
+        });
         if all[1] > 0.0 { f64::NAN } else { all[0] }
     }
     /// Smallest over ranks (NaN wins).
@@ -88,7 +101,9 @@ impl Communicator {
         let mut before = 0;
         if self.size > 1 {
             let world = SimpleCommunicator::world();
-            world.exclusive_scan_into(&x, &mut before, SystemOperation::sum());
+            collective(8, || {
+                world.exclusive_scan_into(&x, &mut before, SystemOperation::sum());
+            });
         }
         // MPI leaves the first rank's result undefined.
         if self.rank == 0 { 0 } else { before }
@@ -100,7 +115,7 @@ impl Communicator {
         }
         let world = SimpleCommunicator::world();
         let mut n = vec![0u64; self.size];
-        world.all_gather_into(&(mine.len() as u64), &mut n[..]);
+        collective(8, || world.all_gather_into(&(mine.len() as u64), &mut n[..]));
         let total = n.iter().sum::<u64>() as usize;
         let mut joined = Vec::with_capacity(total);
         let bytes: Vec<i32> = n.iter().map(|&n| (n as usize * size_of::<T>()) as i32).collect();
@@ -116,7 +131,9 @@ impl Communicator {
                 .collect();
             let mut room = Incoming::whole(&mut joined.spare_capacity_mut()[..total]);
             let mut parts = PartitionMut::new(&mut room, bytes, starts);
-            world.all_gather_varcount_into(&Outgoing::whole(mine), &mut parts);
+            collective(size_of_val(mine), || {
+                world.all_gather_varcount_into(&Outgoing::whole(mine), &mut parts);
+            });
         }
         // SAFETY: MPI has set all items from items of this type.
         unsafe { joined.set_len(total) };
@@ -133,7 +150,9 @@ impl Communicator {
         }
         let counts: Vec<u64> = outgoing.iter().map(|list| list.len() as u64).collect();
         let mut coming = vec![0u64; self.size];
-        SimpleCommunicator::world().all_to_all_into(&counts[..], &mut coming[..]);
+        collective(size_of_val(&counts[..]), || {
+            SimpleCommunicator::world().all_to_all_into(&counts[..], &mut coming[..]);
+        });
         let mine = std::mem::take(&mut outgoing[self.rank]);
         coming[self.rank] = 0;
 
@@ -154,6 +173,44 @@ impl Communicator {
             unsafe { list.set_len(n as usize) };
         }
         arrived[self.rank] = mine;
+        arrived
+    }
+    /// Sends each of these ranks its list; returns the lists that the ranks `from` send here, in their order. All
+    /// of these call it; other ranks need not.
+    pub fn exchange_with<T: Item>(
+        &self,
+        outgoing: &[(usize, Vec<T>)],
+        from: &[usize],
+    ) -> Vec<Vec<T>> {
+        let leaving: Vec<[u64; 1]> = outgoing.iter().map(|(_, list)| [list.len() as u64]).collect();
+        let mut coming = vec![[0u64; 1]; from.len()];
+        let mut sends = Vec::with_capacity(outgoing.len());
+        for ((to, _), n) in outgoing.iter().zip(&leaving) {
+            sends.extend(Outgoing::messages(n).map(|message| (*to, message)));
+        }
+        let mut receives = Vec::with_capacity(from.len());
+        for (from, n) in from.iter().zip(&mut coming) {
+            receives.extend(Incoming::messages(n).map(|message| (*from, message)));
+        }
+        transfer(&sends, &mut receives, || ());
+        drop((sends, receives));
+
+        let mut arrived: Vec<Vec<T>> =
+            coming.iter().map(|&[n]| Vec::with_capacity(n as usize)).collect();
+        let mut receives = Vec::with_capacity(from.len());
+        for ((from, list), [n]) in from.iter().zip(&mut arrived).zip(&coming) {
+            let room = &mut list.spare_capacity_mut()[..*n as usize];
+            receives.extend(Incoming::unset(room).map(|message| (*from, message)));
+        }
+        let mut sends = Vec::with_capacity(outgoing.len());
+        for (to, list) in outgoing {
+            sends.extend(Outgoing::messages(list).map(|message| (*to, message)));
+        }
+        transfer(&sends, &mut receives, || ());
+        for (list, [n]) in arrived.iter_mut().zip(coming) {
+            // SAFETY: `transfer` has set the first n items from items of this type.
+            unsafe { list.set_len(n as usize) };
+        }
         arrived
     }
     /// Sends a list to another rank, which receives it with `receive_list`. Concerns the two alone.
@@ -183,18 +240,18 @@ impl Communicator {
         let world = SimpleCommunicator::world();
         let sender = world.process_at_rank(root as i32);
         let mut n = mine.len() as u64;
-        sender.broadcast_into(&mut n);
+        collective(8, || sender.broadcast_into(&mut n));
         let n = n as usize;
         if self.rank != root {
             mine = Vec::with_capacity(n);
             for mut message in Incoming::unset(&mut mine.spare_capacity_mut()[..n]) {
-                sender.broadcast_into(&mut message);
+                collective(0, || sender.broadcast_into(&mut message));
             }
             // SAFETY: the root has set all items from items of this type.
             unsafe { mine.set_len(n) };
         } else {
             for mut message in Incoming::messages(&mut mine) {
-                sender.broadcast_into(&mut message);
+                collective(message.bytes(), || sender.broadcast_into(&mut message));
             }
         }
         mine
@@ -207,11 +264,13 @@ impl Communicator {
         }
         let failed = if mine.is_err() { self.rank } else { self.size };
         let mut lowest = failed as u64;
-        SimpleCommunicator::world().all_reduce_into(
-            &(failed as u64),
-            &mut lowest,
-            SystemOperation::min(),
-        );
+        collective(8, || {
+            SimpleCommunicator::world().all_reduce_into(
+                &(failed as u64),
+                &mut lowest,
+                SystemOperation::min(),
+            );
+        });
         if lowest == self.size as u64 {
             return mine;
         }

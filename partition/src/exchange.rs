@@ -36,29 +36,44 @@ pub struct Traffic {
 impl Exchange {
     /// Collective: finds out who needs which of my owned indices.
     pub fn new(comm: &Communicator, map: &IndexMap) -> Self {
-        let ghosts = &map.global[map.n_owned..];
+        let owners = owners(comm, map);
         let mut wanted = vec![Vec::new(); comm.size()];
-        let mut owners: Vec<(usize, usize)> = Vec::new();
-        for (i, (&global, &owner)) in ghosts.iter().zip(&map.ghost_owner).enumerate() {
-            let owner = owner as usize;
-            assert!(owner != comm.rank(), "index {global} is a ghost of its own owner");
-            match owners.last_mut() {
-                Some((last, end)) if *last == owner => *end = i + 1,
-                Some((last, _)) if *last > owner => panic!("ghosts are not ordered by owner"),
-                _ => owners.push((owner, i + 1)),
-            }
-            wanted[owner].push(global);
+        for (owner, ghosts) in ranges(&owners) {
+            wanted[owner] = map.global[map.n_owned..][ghosts].to_vec();
         }
-        let asked = comm.exchange_lists(wanted);
-
+        let asked = comm.exchange_lists(wanted).into_iter().enumerate();
+        Self::from_wishes(map, owners, asked)
+    }
+    /// The halo of a coarser level, whose ghosts belong to ranks that own ghosts of this one: only
+    /// neighbours talk to each other. Every rank calls it.
+    pub fn coarser(&self, comm: &Communicator, map: &IndexMap) -> Self {
+        let owners = owners(comm, map);
+        let mut wanted: Vec<(usize, Vec<u64>)> =
+            self.owners.iter().map(|owner| (owner.0, Vec::new())).collect();
+        for (owner, ghosts) in ranges(&owners) {
+            let at = wanted.binary_search_by_key(&owner, |wish| wish.0);
+            let at =
+                at.unwrap_or_else(|_| panic!("rank {owner} owns no ghosts of the finer level"));
+            wanted[at].1 = map.global[map.n_owned..][ghosts].to_vec();
+        }
+        let readers: Vec<usize> = self.readers().collect();
+        let asked = readers.iter().copied().zip(comm.exchange_with(&wanted, &readers));
+        Self::from_wishes(map, owners, asked)
+    }
+    /// From the owners of my ghosts and what each rank wants of my indices, in rank order.
+    fn from_wishes(
+        map: &IndexMap,
+        owners: Vec<(usize, usize)>,
+        asked: impl Iterator<Item = (usize, Vec<u64>)>,
+    ) -> Self {
         let mut by_global: Vec<(u64, u32)> = Vec::new();
-        if asked.iter().any(|list| !list.is_empty()) {
-            by_global = (map.global[..map.n_owned].iter().copied()).zip(0..).collect();
-            by_global.sort_unstable();
-        }
         let (mut readers, mut sent) = (Vec::new(), Vec::new());
-        for (reader, list) in asked.iter().enumerate().filter(|(_, list)| !list.is_empty()) {
-            for global in list {
+        for (reader, list) in asked.filter(|(_, list)| !list.is_empty()) {
+            if by_global.is_empty() {
+                by_global = (map.global[..map.n_owned].iter().copied()).zip(0..).collect();
+                by_global.sort_unstable();
+            }
+            for global in &list {
                 let at =
                     by_global.binary_search_by_key(global, |pair| pair.0).unwrap_or_else(|_| {
                         panic!("rank {reader} takes index {global} for mine, it is not")
@@ -146,6 +161,21 @@ impl Exchange {
             counter.fetch_add(n as u64, Relaxed);
         }
     }
+}
+
+/// Ranks that own the ghosts, and where theirs end.
+fn owners(comm: &Communicator, map: &IndexMap) -> Vec<(usize, usize)> {
+    let mut owners: Vec<(usize, usize)> = Vec::new();
+    for (i, &owner) in map.ghost_owner.iter().enumerate() {
+        let owner = owner as usize;
+        assert!(owner != comm.rank(), "ghost {i} is of its own owner");
+        match owners.last_mut() {
+            Some((last, end)) if *last == owner => *end = i + 1,
+            Some((last, _)) if *last > owner => panic!("ghosts are not ordered by owner"),
+            _ => owners.push((owner, i + 1)),
+        }
+    }
+    owners
 }
 
 /// (rank, range of its indices) from (rank, end of its indices).

@@ -4,6 +4,7 @@
 //! crate alone.
 
 pub mod communicator;
+pub mod cost;
 pub mod exchange;
 pub mod index_map;
 pub mod message;
@@ -12,6 +13,7 @@ pub mod ranks;
 pub mod rendezvous;
 
 pub use communicator::{Communicator, RawCommunicator};
+pub use cost::{Clock, Cost};
 pub use exchange::{Exchange, Traffic};
 pub use index_map::IndexMap;
 pub use message::{Accumulate, Item};

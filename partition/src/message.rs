@@ -4,6 +4,7 @@
 //! never handed to MPI (its address may equal `MPI_IN_PLACE`), and no single message exceeds the
 //! 32-bit counts of MPI.
 
+use crate::cost::Waiting;
 use mpi::datatype::{Buffer, BufferMut, Collection, Pointer, PointerMut};
 use mpi::traits::{AsDatatype, Communicator as _, Destination, Equivalence, Source};
 use std::ffi::c_void;
@@ -94,6 +95,10 @@ impl<'a> Outgoing<'a> {
 }
 
 impl<'a> Incoming<'a> {
+    /// How many bytes it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.1
+    }
     /// The messages that fill `items`: none if there are none.
     pub(crate) fn messages<T: Item>(items: &'a mut [T]) -> impl Iterator<Item = Self> + use<'a, T> {
         let (start, bytes) = (items.as_mut_ptr().cast::<u8>(), size_of_val(items));
@@ -125,27 +130,34 @@ pub(crate) fn transfer<R>(
     meanwhile: impl FnOnce() -> R,
 ) -> R {
     let world = mpi::topology::SimpleCommunicator::world();
-    mpi::request::scope(|scope| {
-        let mut arriving = Vec::with_capacity(receives.len());
-        for (from, buffer) in receives.iter_mut() {
-            let bytes = buffer.1;
-            let peer = world.process_at_rank(*from as i32);
-            arriving.push((*from, bytes, peer.immediate_receive_into(scope, buffer)));
-        }
-        let mut leaving = Vec::with_capacity(sends.len());
-        for (to, buffer) in sends {
-            leaving.push(world.process_at_rank(*to as i32).immediate_send(scope, buffer));
-        }
+    let mut waiting = Waiting::default();
+    let result = mpi::request::scope(|scope| {
+        let (mut arriving, mut leaving) =
+            (Vec::with_capacity(receives.len()), Vec::with_capacity(sends.len()));
+        waiting.during(|| {
+            for (from, buffer) in receives.iter_mut() {
+                let bytes = buffer.1;
+                let peer = world.process_at_rank(*from as i32);
+                arriving.push((*from, bytes, peer.immediate_receive_into(scope, buffer)));
+            }
+            for (to, buffer) in sends {
+                leaving.push(world.process_at_rank(*to as i32).immediate_send(scope, buffer));
+            }
+        });
         let result = meanwhile();
-        for (from, bytes, request) in arriving {
-            let arrived = request.wait().count(u8::equivalent_datatype()) as usize;
-            assert!(arrived == bytes, "{arrived} bytes from rank {from}, {bytes} agreed");
-        }
-        for request in leaving {
-            request.wait_without_status();
-        }
+        waiting.during(|| {
+            for (from, bytes, request) in arriving {
+                let arrived = request.wait().count(u8::equivalent_datatype()) as usize;
+                assert!(arrived == bytes, "{arrived} bytes from rank {from}, {bytes} agreed");
+            }
+            for request in leaving {
+                request.wait_without_status();
+            }
+        });
         result
-    })
+    });
+    waiting.count([sends.len(), sends.iter().map(|(_, buffer)| buffer.1).sum(), 0, 0]);
+    result
 }
 
 // SAFETY: pointer and count describe the borrowed bytes.

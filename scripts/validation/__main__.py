@@ -14,6 +14,7 @@ import coupled  # noqa: F401
 import dam_break  # noqa: F401
 import flow  # noqa: F401
 import moving  # noqa: F401
+import scale  # noqa: F401
 import solver  # noqa: F401
 import structures  # noqa: F401
 import surface  # noqa: F401

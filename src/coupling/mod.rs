@@ -25,10 +25,10 @@ use crate::cut::{CutMesh, Surface};
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
+use crate::mesh::part::Cost;
 use hidden::Hidden;
 use nalgebra::DVector;
 use quasi_newton::QuasiNewton;
-use std::time::{Duration, Instant};
 
 /// Change of the walls' velocities in a pass, over those velocities, that ends a step.
 const TOLERANCE: f64 = 1e-3;
@@ -44,8 +44,8 @@ pub struct Report {
     pub flow: FlowReport,
     /// Passes: 1 if coupled loosely.
     pub passes: u32,
-    /// Time for bodies.
-    pub bodies: Duration,
+    /// Of the bodies.
+    pub bodies: Cost,
     /// What the flow did to each structure.
     pub loads: Vec<BodyLoad>,
     /// What each body bears where it rests on something.
@@ -106,7 +106,7 @@ pub fn advance(
         Ok(())
     };
     let move_on = |bodies: &mut Bodies, report: &mut Report| {
-        let clock = Instant::now();
+        let clock = part.comm.clock();
         let seen = report.loads[first..].iter().map(structures::on_body);
         let both = seen.zip(&report.hidden).map(|(seen, hidden)| Load {
             force: seen.force + hidden.force,

@@ -28,7 +28,7 @@ use crate::linear::{
     OwnedProduct, Reason, SchurPreconditioner, Workspace, fgmres, residual_weights,
 };
 use crate::mesh::MeshPart;
-use std::time::{Duration, Instant};
+use crate::mesh::part::Cost;
 
 /// Steps that are implicit Euler before Crank-Nicolson takes over.
 const START_STEPS: u64 = 2;
@@ -123,10 +123,10 @@ pub struct FlowReport {
     pub kinetic: f64,
     /// −∫ ρ g·x of the step's densities [J].
     pub potential: f64,
-    /// Time for element matrices.
-    pub assembly: Duration,
-    /// Time for preconditioner and solve.
-    pub solve: Duration,
+    /// Of element matrices.
+    pub assembly: Cost,
+    /// Of preconditioner and solve.
+    pub solve: Cost,
 }
 
 impl Flow {
@@ -292,6 +292,11 @@ impl Flow {
         Ok(report)
     }
 
+    /// What the system was last solved with.
+    pub fn preconditioner(&self) -> &SchurPreconditioner {
+        &self.preconditioner
+    }
+
     /// The state, to go back to.
     pub fn save(&self) -> Saved {
         Saved {
@@ -335,10 +340,10 @@ impl Flow {
         let mut done = Converged { iterations: 0, initial: 0.0, residual: f64::INFINITY };
         let mut target = 0.0;
         for round in 0.. {
-            let clock = Instant::now();
+            let clock = part.comm.clock();
             report.squeezed = self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
             report.assembly += clock.elapsed();
-            let clock = Instant::now();
+            let clock = part.comm.clock();
             if round == 0 {
                 residual_weights(&self.matrix, &self.pressure, &mut self.weights);
             }

@@ -34,7 +34,7 @@ pub fn operators(
         }
     }
     let mut mobility = vec![0.0; n];
-    for (e, tet) in part.mesh.tets[..part.n_assembled_elements].iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         let cell = cut.cell(e);
         if matches!(cell, Cell::Solid) {
             continue;

@@ -77,6 +77,12 @@ impl Halo {
         }
     }
 
+    /// What has left this rank through the halo: exchanges, messages, bytes.
+    pub fn traffic(&self) -> [u64; 3] {
+        let traffic = self.exchange.traffic();
+        [traffic.exchanges, traffic.messages, traffic.bytes]
+    }
+
     /// Ghosts become their owners' values.
     pub fn update_ghosts<T: Item>(&self, x: &mut [T]) {
         self.exchange.update_ghosts(x);
@@ -142,7 +148,7 @@ impl Halo {
 
     /// The halo of the next level.
     pub fn coarse(&self, nodes: &IndexMap, pattern: &Pattern) -> Self {
-        Self::new(&self.comm, nodes, &Exchange::new(&self.comm, nodes), pattern)
+        Self::new(&self.comm, nodes, &self.exchange.coarser(&self.comm, nodes), pattern)
     }
 
     /// All ranks' rows, in rank order, on every rank.
@@ -150,17 +156,23 @@ impl Halo {
         if self.comm.size() == 1 {
             return rows;
         }
+        // Lengths, columns and values of the rows in one list: one gather. A column is exact as f64.
         let row_start = &rows.pattern.row_start;
-        let lengths: Vec<u32> = row_start.windows(2).map(|ends| ends[1] - ends[0]).collect();
-        let mut row_start = vec![0];
-        for length in self.comm.all_gather(&lengths).concat() {
-            row_start.push(row_start[row_start.len() - 1] + length);
+        let mut mine = vec![rows.n_rows() as f64];
+        mine.extend(row_start.windows(2).map(|ends| f64::from(ends[1] - ends[0])));
+        mine.extend(rows.pattern.columns.iter().map(|&j| f64::from(j)));
+        mine.extend(rows.values.iter().map(|v| v[0][0]));
+        let (mut row_start, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+        for list in self.comm.all_gather(&mine) {
+            let (lengths, rest) = list[1..].split_at(list[0] as usize);
+            for length in lengths {
+                row_start.push(row_start[row_start.len() - 1] + *length as u32);
+            }
+            let (theirs, entries) = rest.split_at(rest.len() / 2);
+            columns.extend(theirs.iter().map(|&j| j as u32));
+            values.extend(entries.iter().map(|&v| [[v]]));
         }
-        let columns = self.comm.all_gather(&rows.pattern.columns).concat();
-        BlockCsr {
-            pattern: Arc::new(Pattern::new(row_start, columns)),
-            values: self.comm.all_gather(&rows.values).concat(),
-        }
+        BlockCsr { pattern: Arc::new(Pattern::new(row_start, columns)), values }
     }
 }
 

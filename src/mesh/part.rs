@@ -11,6 +11,8 @@ use super::{BoundaryFace, FACES, Mesh, MeshError};
 use partition::rendezvous::{self, Owner};
 use partition::{Communicator, Exchange, IndexMap, metis};
 
+/// What a piece of work costs a rank: `comm.clock()` measures it.
+pub use partition::Cost;
 /// Makes a structure of plain data fit for halo exchange; names all its fields.
 pub use partition::item;
 
@@ -112,6 +114,10 @@ impl MeshPart {
     /// Number of nodes this rank owns.
     pub fn n_owned(&self) -> usize {
         self.nodes.n_owned
+    }
+    /// Elements that touch an owned node: all that a sum over elements at owned nodes needs.
+    pub fn assembled(&self) -> &[[u32; 4]] {
+        &self.mesh.tets[..self.n_assembled_elements]
     }
     /// Owned and ghost nodes.
     pub fn n_local(&self) -> usize {

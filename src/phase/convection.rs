@@ -43,7 +43,7 @@ impl Convection {
 pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>) {
     phase.solver.matrix.clear();
     phase.solver.constant.fill(0.0);
-    for e in 0..part.mesh.tets.len() {
+    for e in 0..part.assembled().len() {
         let t = Tetrahedron::of(&part.mesh, e);
         match cut.cell(e) {
             Cell::Whole => add_element(phase, part, given, e, &t, &Whole(t.volume)),
@@ -123,7 +123,7 @@ pub(super) fn add_profile(
     let sign = if level == Level::New { 1.0 } else { -1.0 };
     let s = &mut phase.solver;
     s.excess.fill(0.0);
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         let w = f64::from(s.weight[e]);
         if w == 0.0 {
             continue;
@@ -170,7 +170,7 @@ pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>)
     let n_owned = part.n_owned();
     let half = 0.5 * given.dt;
     let s = &mut phase.solver;
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         let w = f64::from(s.weight[e]);
         if w == 0.0 {
             continue;

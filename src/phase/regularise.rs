@@ -82,7 +82,7 @@ pub(super) fn sub_steps(
 ) -> u32 {
     phase.profile.set(&phase.phi, false);
     let mut stiffest = 0.0f32;
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         // Few nodes have most of their support in a structure: Γ yields there, not the number of steps.
         if matches!(cut.cell(e), Cell::Whole) && phase.profile.in_band(tet).is_some() {
             stiffest = stiffest.max(phase.stiffness[e]);
@@ -110,7 +110,7 @@ pub(super) fn sub_steps(
 fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f64, waves: f64) {
     let n_owned = part.n_owned();
     let most = LIMIT / (phase.delta * dt);
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         let Some(nodes) = phase.profile.in_band(tet) else {
             diffuse_overshoot(
                 phase,
@@ -183,7 +183,7 @@ fn set_slopes(phase: &mut Phase, part: &MeshPart, cut: &CutMesh) {
     phase.normal.fill([0.0; 3]);
     phase.slope.fill([0.0; 3]);
     phase.around.fill(0.0);
-    for (e, tet) in part.mesh.tets.iter().enumerate() {
+    for (e, tet) in part.assembled().iter().enumerate() {
         let Some(nodes) = phase.profile.in_band(tet) else { continue };
         let t = Tetrahedron::of(&part.mesh, e);
         let volume = cut.fluid_volume(&part.mesh, e);

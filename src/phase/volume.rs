@@ -85,7 +85,7 @@ fn nodal_volume(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, out: &mut Vec
     let excess = &mut phase.solver.excess;
     excess.fill(0.0);
     if phase.profile_correction {
-        for (e, tet) in part.mesh.tets.iter().enumerate() {
+        for (e, tet) in part.assembled().iter().enumerate() {
             let Some(nodes) = phase.profile.in_band(tet) else { continue };
             if !matches!(cut.cell(e), Cell::Whole) {
                 continue;

@@ -1,35 +1,35 @@
-//! Wall time by stage of a step.
+//! What each stage of a step costs this rank: time, waiting, messages.
 
-use std::time::{Duration, Instant};
+use partition::{Clock, Cost};
 
-/// Time and calls of each named stage, in the order they first ran.
+/// Cost and calls of each named stage, in the order they first ran.
 #[derive(Clone, Debug, Default)]
 pub struct Stages {
-    stages: Vec<(&'static str, Duration, u64)>,
+    stages: Vec<(&'static str, Cost, u64)>,
 }
 
 impl Stages {
-    /// Runs `work` and books its time to `name`.
+    /// Runs `work` and books its cost to `name`.
     pub fn time<R>(&mut self, name: &'static str, work: impl FnOnce() -> R) -> R {
-        let clock = Instant::now();
+        let clock = Clock::start();
         let result = work();
         self.add(name, clock.elapsed());
         result
     }
 
-    /// Books time measured elsewhere.
-    pub fn add(&mut self, name: &'static str, elapsed: Duration) {
+    /// Books what was measured elsewhere.
+    pub fn add(&mut self, name: &'static str, cost: Cost) {
         match self.stages.iter_mut().find(|s| s.0 == name) {
             Some(stage) => {
-                stage.1 += elapsed;
+                stage.1 += cost;
                 stage.2 += 1;
             }
-            None => self.stages.push((name, elapsed, 1)),
+            None => self.stages.push((name, cost, 1)),
         }
     }
 
-    /// Name, seconds and calls of each stage on this rank.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, f64, u64)> + '_ {
-        self.stages.iter().map(|s| (s.0, s.1.as_secs_f64(), s.2))
+    /// Name, cost and calls of each stage on this rank.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Cost, u64)> + '_ {
+        self.stages.iter().copied()
     }
 }

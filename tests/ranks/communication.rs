@@ -6,6 +6,14 @@ use partition::{Communicator, Exchange, IndexMap};
 pub fn collectives(comm: &Communicator) {
     let (rank, size) = (comm.rank(), comm.size());
     let n = size as f64;
+    let clock = comm.clock();
+    comm.sum(1.0);
+    comm.max(1.0);
+    comm.all_gather(&[1u64]);
+    let cost = clock.elapsed();
+    let counted = if size > 1 { (4, 40) } else { (0, 0) };
+    assert_eq!((cost.collectives, cost.collective_bytes), counted);
+    assert!(cost.waiting <= cost.seconds && cost.messages == 0);
     assert_eq!(comm.sum(rank as f64), n * (n - 1.0) / 2.0);
     let mut x = vec![rank as f64, 1.0, -(rank as f64)];
     comm.sum_all(&mut x);
@@ -72,6 +80,7 @@ pub fn halo_of_a_ring(comm: &Communicator) {
     let map = IndexMap { global: global.clone(), n_owned: EACH as usize, ghost_owner };
     let halo = Exchange::new(comm, &map);
 
+    let clock = comm.clock();
     let value = |g: u64| [g as f64, -1.5 * g as f64, 1.0, 0.0];
     let mut x: Vec<[f64; 4]> = global.iter().map(|&g| value(g)).collect();
     x[map.n_owned..].fill([f64::NAN; 4]);
@@ -91,5 +100,22 @@ pub fn halo_of_a_ring(comm: &Communicator) {
 
     let messages = if all > 1 { 3 * (all - 1) } else { 0 };
     assert_eq!(halo.traffic().messages, messages);
-    assert_eq!(halo.traffic().bytes, (all - 1) * EACH * (32 + 1 + 8));
+    let bytes = (all - 1) * EACH * (32 + 1 + 8);
+    assert_eq!(halo.traffic().bytes, bytes);
+    let cost = clock.elapsed();
+    assert_eq!((cost.messages, cost.bytes, cost.collectives), (messages, bytes, 0));
+
+    // A coarser ring of every rank's first node, seen by the next rank.
+    let (me, before) = (comm.rank(), (comm.rank() + comm.size() - 1) % comm.size());
+    let mut global = vec![me as u64];
+    let mut ghost_owner = Vec::new();
+    if before != me {
+        global.push(before as u64);
+        ghost_owner.push(before as u32);
+    }
+    let coarse = halo.coarser(comm, &IndexMap { global, n_owned: 1, ghost_owner });
+    let mut x = vec![me as u32, u32::MAX];
+    x.truncate(if before == me { 1 } else { 2 });
+    coarse.update_ghosts(&mut x);
+    assert_eq!(x[x.len() - 1], before as u32);
 }

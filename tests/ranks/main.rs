@@ -1,5 +1,5 @@
 //! One test body for any number of ranks: this program starts itself under `mpirun` with 1, 2, 3
-//! and 4 ranks, and each rank runs every body. `cargo test --test ranks NAME` runs those bodies whose
+//! and 4 ranks, and each rank runs every body; and with 16 and 32, where each runs a few. `cargo test --test ranks NAME` runs those bodies whose
 //! name contains NAME.
 //!
 //! A new body is a function `fn(&Communicator)` that panics on failure, and a line in `BODIES`. Last, a
@@ -46,6 +46,7 @@ const BODIES: &[(&str, Body)] = &[
     ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
     ("free_surface_on_ranks", phase::free_surface_on_ranks),
     ("same_fields_on_any_ranks", simulation::same_fields_on_any_ranks),
+    ("same_fields_on_many_ranks", simulation::same_fields_on_many_ranks),
     ("same_fields_in_a_closed_tank", simulation::same_fields_in_a_closed_tank),
     ("same_fields_around_led_blocks", simulation::same_fields_around_led_blocks),
     ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
@@ -54,6 +55,19 @@ const BODIES: &[(&str, Body)] = &[
     ("boxes_in_a_wave", coupling::boxes_in_a_wave),
     ("a_wall_in_a_wave_breaks_alike", coupling::a_wall_in_a_wave_breaks_alike),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),
+];
+
+/// More ranks than there are cores, to see that nothing depends on their number, and the bodies that run on them.
+const MANY_RANKS: [usize; 2] = [16, 32];
+const ON_MANY_RANKS: &[&str] = &[
+    "collectives",
+    "lists_between_ranks",
+    "agreement_on_errors",
+    "halo_of_a_ring",
+    "everything_is_owned_once",
+    "halos_are_complete",
+    "halo_of_a_mesh",
+    "same_fields_on_many_ranks",
 ];
 
 /// A run longer than this hangs.
@@ -107,6 +121,16 @@ fn start_all(bodies: &[&(&str, Body)], wanted: &[String]) -> ExitCode {
             failed.push(n);
         }
     }
+    let many: Vec<String> = (bodies.iter())
+        .filter(|body| ON_MANY_RANKS.contains(&body.0))
+        .map(|body| body.0.to_string())
+        .collect();
+    for n in MANY_RANKS.into_iter().filter(|_| !many.is_empty()) {
+        if let Err(reason) = run_on(n, "bodies", &many, Stdio::inherit()) {
+            println!("FAILED on {n} ranks: {reason}");
+            failed.push(n);
+        }
+    }
     match run_on(3, "panic", &[], Stdio::piped()) {
         Err(said) if said.contains("rank 2 of 3 panicked") && said.contains("on purpose") => {
             println!("test a panic on one rank ends all ... ok");
@@ -117,7 +141,11 @@ fn start_all(bodies: &[&(&str, Body)], wanted: &[String]) -> ExitCode {
         }
     }
     if failed.is_empty() {
-        println!("ranks: {} bodies passed on 1, 2, 3 and 4 ranks", bodies.len());
+        println!(
+            "ranks: {} bodies passed on 1, 2, 3 and 4 ranks, {} on 16 and 32",
+            bodies.len(),
+            many.len()
+        );
         ExitCode::SUCCESS
     } else {
         println!("ranks: failed on {failed:?} ranks");

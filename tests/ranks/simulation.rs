@@ -105,6 +105,11 @@ pub fn same_fields_on_any_ranks(comm: &Communicator) {
     same_fields(comm, "z_max = \"open\"", 40);
 }
 
+/// A few steps of the same: few elements a rank, most of them on a border.
+pub fn same_fields_on_many_ranks(comm: &Communicator) {
+    same_fields(comm, "z_max = \"open\"", 5);
+}
+
 /// A closed tank, where one node holds the pressure.
 pub fn same_fields_in_a_closed_tank(comm: &Communicator) {
     same_fields(comm, "", 10);

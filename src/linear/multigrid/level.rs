@@ -27,6 +27,8 @@ pub struct Level {
     pub e: Vec<f32>,
     /// A times the directions.
     pub v: [Vec<f32>; 2],
+    /// Cycles begun since the matrix was set.
+    pub visits: u64,
 }
 
 impl Level {
@@ -43,12 +45,14 @@ impl Level {
             x: vec![0.0; halo.n_local()],
             e: Vec::new(),
             v: Default::default(),
+            visits: 0,
             halo,
         }
     }
 
     /// Copies the matrix.
     pub fn set_matrix(&mut self, a: &BlockCsr<1>) {
+        self.visits = 0;
         self.pattern = a.pattern.clone();
         self.values.clear();
         self.values.extend(a.values.iter().map(|v| v[0][0] as f32));
@@ -79,6 +83,7 @@ impl Level {
 
     /// x = (D + L)⁻¹ b: one forward sweep from zero, ghosts taken as zero.
     pub fn forward_from_zero(&mut self) {
+        self.visits += 1;
         let mut x = std::mem::take(&mut self.x);
         for i in 0..self.pattern.n_rows() {
             x[i] = (self.b[i] - self.sum(self.pattern.left(i), &x)) * self.inverse[i];

@@ -10,9 +10,9 @@
 
 #![allow(non_snake_case)]
 
-mod aggregation;
+pub mod aggregation;
 mod direct;
-mod galerkin;
+pub mod galerkin;
 mod level;
 
 use super::block_csr::BlockCsr;
@@ -114,6 +114,13 @@ impl Multigrid {
     /// Nodes of each level over all ranks, finest first.
     pub fn sizes(&self) -> &[u64] {
         &self.sizes
+    }
+
+    /// Of each smoothed level: nodes over all ranks, cycles since `setup`, and what has left this rank through its
+    /// halo since that was made (exchanges, messages, bytes).
+    pub fn visits(&self) -> impl Iterator<Item = (u64, u64, [u64; 3])> {
+        let levels = self.levels.iter().zip(&self.sizes);
+        levels.map(|(level, &nodes)| (nodes, level.visits, level.halo.traffic()))
     }
 
     /// Where the right-hand side of `cycle` is put: owned entries are read.
