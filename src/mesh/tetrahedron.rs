@@ -13,13 +13,13 @@ pub struct Tetrahedron {
 
 impl Tetrahedron {
     /// Element `e` of the mesh.
-    #[inline]
+    #[inline(always)]
     pub fn of(mesh: &Mesh, e: usize) -> Self {
         Self::new(mesh.tets[e].map(|n| mesh.nodes[n as usize]))
     }
 
     /// From its corners.
-    #[inline]
+    #[inline(always)]
     pub fn new(x: [[f64; 3]; 4]) -> Self {
         let d = |i: usize| [x[i][0] - x[0][0], x[i][1] - x[0][1], x[i][2] - x[0][2]];
         let (a, b, c) = (d(1), d(2), d(3));
@@ -28,11 +28,12 @@ impl Tetrahedron {
         };
         let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
         let det = a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2];
+        let inverse = 1.0 / det;
         let mut grad = [[0.0; 3]; 4];
         for k in 0..3 {
-            grad[1][k] = bc[k] / det;
-            grad[2][k] = ca[k] / det;
-            grad[3][k] = ab[k] / det;
+            grad[1][k] = bc[k] * inverse;
+            grad[2][k] = ca[k] * inverse;
+            grad[3][k] = ab[k] * inverse;
             grad[0][k] = -(grad[1][k] + grad[2][k] + grad[3][k]);
         }
         Self { grad, volume: det / 6.0 }
@@ -41,7 +42,7 @@ impl Tetrahedron {
     /// h_e = (6√2 V)^(1/3): edge of the regular tetrahedron of the same volume [m].
     #[inline]
     pub fn size(&self) -> f64 {
-        (6.0 * std::f64::consts::SQRT_2 * self.volume).cbrt()
+        cube_root(6.0 * std::f64::consts::SQRT_2 * self.volume)
     }
 
     /// Gradient of the P1 function with these nodal values.
@@ -61,9 +62,29 @@ pub fn volume(x: &[[f64; 3]; 4]) -> f64 {
     (a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]) / 6.0
 }
 
+/// ∛v to 1e-14, faster than `cbrt`: a third of the exponent, and two of Halley's steps.
+#[inline]
+fn cube_root(v: f64) -> f64 {
+    let size = v.abs();
+    let mut y = f64::from_bits(size.to_bits() / 3 + 0x2a9f_7893_782d_a1ce);
+    for _ in 0..2 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * size) / (2.0 * cube + size);
+    }
+    y.copysign(v)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cube_roots_are_those_of_the_standard_library() {
+        for k in -300..300 {
+            let v = 1.037f64.powi(k) * (-10f64).powi(k / 20);
+            assert!((cube_root(v) / v.cbrt() - 1.0).abs() < 1e-14, "{v}");
+        }
+    }
 
     #[test]
     fn gradients_are_a_partition_of_unity_and_exact_for_linear_functions() {

@@ -20,7 +20,7 @@ struct Convection {
 }
 
 impl Convection {
-    #[inline]
+    #[inline(always)]
     fn new(
         t: &Tetrahedron,
         fluid: &impl Region,
@@ -75,8 +75,6 @@ fn add_element(
     // In the flow's continuity equation u' acts over the whole element. What it carries through the part that
     // is not fluid goes to the nodes by their mass: so ∫φ is kept, and small nodes are not overrun.
     let hidden = t.volume - volume;
-    let around: f64 = n.iter().map(|&n| phase.lumped[n]).sum();
-    let fine = t.grad.map(|g| dot(given.fine_scale[e], g));
     for i in 0..4 {
         if n[i] >= n_owned {
             continue;
@@ -85,8 +83,11 @@ fn add_element(
         // ∫ N_i ũ·∇N_j
         let mut convection = fluid.weighted(i, &c.b);
         if hidden > 0.0 {
+            let around: f64 = n.iter().map(|&n| phase.lumped[n]).sum();
             let share = phase.lumped[n[i]] / around * hidden;
-            convection = std::array::from_fn(|j| convection[j] - share * fine[j]);
+            for (c, g) in convection.iter_mut().zip(&t.grad) {
+                *c -= share * dot(given.fine_scale[e], *g);
+            }
         }
         let galerkin: f64 = (0..4).map(|j| convection[j] * phi[j]).sum();
         s.constant[n[i]] += dt * (galerkin + supg * along + diffusion * dot(t.grad[i], grad));

@@ -13,6 +13,8 @@ use crate::fem::quadrature::TETRAHEDRON_CUBIC;
 
 /// φ(1−φ) below which an element or a node has no interface.
 pub const OUTER: f64 = 1e-4;
+/// −φ(1−φ), which is the overshoot, from which on it counts as one.
+pub const OVERSHOOT: f64 = 0.002;
 /// φ(1−φ) from which on it has one fully.
 const INNER: f64 = 1e-3;
 /// |ψ| ≤ CLIP δ.
@@ -84,12 +86,29 @@ impl Node {
 pub struct Profile {
     /// One for each local node.
     pub nodes: Vec<Node>,
+    /// Where φ stands: a byte each, as loops over all elements ask for little else.
+    place: Vec<Place>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    Pure,
+    /// φ(1−φ) above `OUTER`.
+    Band,
+    /// φ outside [0, 1] by `OVERSHOOT`.
+    Outside,
 }
 
 impl Profile {
     /// Of these nodal values; `powers` only if moments will be asked for.
     pub fn set(&mut self, phi: &[f64], powers: bool) {
         self.nodes.resize(phi.len(), Node::default());
+        self.place.clear();
+        self.place.extend(phi.iter().map(|phi| match phi * (1.0 - phi) {
+            q if q > OUTER => Place::Band,
+            q if q <= -OVERSHOOT => Place::Outside,
+            _ => Place::Pure,
+        }));
         let clipped = [powers_of(-CLIP), powers_of(CLIP)];
         for (node, &phi) in self.nodes.iter_mut().zip(phi) {
             (node.phi, node.q) = (phi, phi * (1.0 - phi));
@@ -107,9 +126,14 @@ impl Profile {
     /// The element's nodes if the interface reaches it.
     #[inline]
     pub fn in_band(&self, tet: &[u32; 4]) -> Option<[&Node; 4]> {
-        let n = tet.map(|n| &self.nodes[n as usize]);
-        let q = n[0].q.min(n[1].q).min(n[2].q.min(n[3].q));
-        (q > OUTER).then_some(n)
+        let inside = tet.iter().all(|&n| self.place[n as usize] == Place::Band);
+        inside.then(|| tet.map(|n| &self.nodes[n as usize]))
+    }
+
+    /// Whether φ leaves [0, 1] at a node of the element.
+    #[inline]
+    pub fn overshoots(&self, tet: &[u32; 4]) -> bool {
+        tet.iter().any(|&n| self.place[n as usize] == Place::Outside)
     }
 }
 
