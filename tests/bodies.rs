@@ -85,8 +85,10 @@ fn a_beam_breaks_at_the_moment_of_its_joints() {
     assert!(error(2) < error(0), "{found:?}");
     // The hinge is at the centres of the outermost spheres.
     let deep = h - 0.0055556;
-    let hinged = bending(8, "contact", 0.0055556, 3e7) * arm / (strength * b * deep * deep);
-    assert!((hinged / 0.4523 - 1.0).abs() < 0.03, "M/(σ_c b h²): {hinged}");
+    let hinge = |n| bending(n, "contact", 0.0055556, 3e7) * arm / (strength * b * deep * deep);
+    let found = [4, 8].map(hinge);
+    assert!((found[1] / 0.4523 - 1.0).abs() < 0.03, "M/(σ_c b h²): {found:?}");
+    assert!((found[1] - 0.4523).abs() < (found[0] - 0.4523).abs(), "{found:?}");
 }
 
 fn fragmented(at: f64) -> Bodies {
@@ -392,17 +394,52 @@ friction_angle = 20";
     }
 }
 
+/// A heap of balls against blocks, in a box.
+fn heap() -> Bodies {
+    start(
+        "[time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.02
+        stiffness = 1e5
+        [[wall]]
+        name = 'ground'
+        plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+        [[wall]]
+        name = 'side'
+        plane = { point = [-0.06, 0, 0], normal = [1, 0, 0] }
+        [[body]]
+        name = 'balls'
+        sphere = 0.05
+        density = 2000
+        at = [0, 0, 0.06]
+        velocity = [-0.3, 0.1, -1]
+        copies = { count = [4, 4, 4], spacing = [0.11, 0.1001, 0.103] }
+        [[body]]
+        name = 'blocks'
+        box = [0.1, 0.08, 0.12]
+        density = 2000
+        at = [0, 0, 0.6]
+        rotate = [20, 30, 40]
+        velocity = [0.2, 0, -2]
+        copies = { count = [2, 2, 1], spacing = [0.2, 0.2, 0] }",
+    )
+}
+
 /// A record of all ranks' state is enough to go on from, to the same bits.
 #[test]
 fn a_record_is_enough_to_go_on() {
-    let mut bodies = fragmented(0.1);
-    advance(&mut bodies, 0.015);
-    let record = bodies.record();
-    assert!(record.largest.contains(&BROKEN) && !record.keys.is_empty());
-    let mut other = fragmented(0.1);
-    other.resume(&record);
-    advance(&mut bodies, 0.01);
-    advance(&mut other, 0.01);
-    assert_eq!(bodies.state, other.state);
-    assert_eq!(bodies.record(), other.record());
+    for (start, first) in [((|| fragmented(0.1)) as fn() -> Bodies, 0.015), (heap, 0.2)] {
+        let mut bodies = start();
+        advance(&mut bodies, first);
+        let record = bodies.record();
+        assert!(!record.keys.is_empty());
+        assert!(record.points.is_empty() || record.largest.contains(&BROKEN));
+        let mut other = start();
+        other.resume(&record);
+        advance(&mut bodies, 0.01);
+        advance(&mut other, 0.01);
+        assert_eq!(bodies.state, other.state);
+        assert_eq!(bodies.record(), other.record());
+    }
 }

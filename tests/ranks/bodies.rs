@@ -86,7 +86,7 @@ pub fn a_wall_breaks_alike(comm: &Communicator) {
     assert!((a.friction - s.friction).abs() < 1e-9 * a.friction);
 }
 
-/// Loose blocks fly through each other across all borders: none forgets what it touches.
+/// Loose blocks and balls fly through each other across all borders: none forgets what it touches.
 pub fn loose_bodies_cross_borders(comm: &Communicator) {
     let text = "
         gravity = [0, 0, -9.81]
@@ -113,7 +113,14 @@ pub fn loose_bodies_cross_borders(comm: &Communicator) {
         at = [0.8, 0.1, 0.1001]
         density = 2000
         velocity = [-1, 0, 0]
-        copies = { count = [8, 3, 2], spacing = [0.3, 0.3, 0.21] }";
+        copies = { count = [8, 3, 2], spacing = [0.3, 0.3, 0.21] }
+        [[body]]
+        name = 'balls'
+        sphere = 0.1
+        at = [-1.9, -0.22, 0.1001]
+        density = 2000
+        velocity = [6, 0.5, 0]
+        copies = { count = [10, 1, 2], spacing = [0.25, 0, 0.2002] }";
     let mut moved = 0;
     let mut before: Vec<bool> = Vec::new();
     let (alone, shared) = side_by_side(text, comm, 150, 50.0, |alone, shared| {
