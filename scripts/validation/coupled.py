@@ -113,7 +113,7 @@ def rising_box(work):
 @check("settling_sphere", "a sphere settles in oil (ten Cate 2002, E4 and E1)")
 def settling_sphere(work):
     plot, axes = figure(figsize=(6, 4))
-    for name, density, viscosity, end, fastest in (("E4", 960, 0.058, 0.6, 0.1226), ("E1", 970, 0.373, 1.2, 0.0363)):
+    for name, density, viscosity, end, fastest in (("E4", 960, 0.058, 0.85, 0.1226), ("E1", 970, 0.373, 1.5, 0.0363)):
         changes = {"water": {"density": density, "viscosity": viscosity}, "time.end": end}
         run = work.run(variant("settling_sphere", changes), name)
         t, z = run.bodies["t"], run.bodies["sphere_1_z"]
