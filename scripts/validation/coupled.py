@@ -73,14 +73,15 @@ def floating_box(work):
     run = work.run(variant("floating_box"))
     bodies = run.bodies
     t, z = bodies["t"], bodies["box_1_z"]
-    tilt = np.degrees(np.arctan2(z - bodies["box_2_z"], bodies["box_2_x"] - bodies["box_1_x"]))
+    # The two points are level at first, in a box that is tilted by 8°.
+    tilt = 8 + np.degrees(np.arctan2(z - bodies["box_2_z"], bodies["box_2_x"] - bodies["box_1_x"]))
     # Beside the box, which is 19.94 mm deep at first, the water stands 50.44 mm high in a tank of 150 mm.
     draft = 0.80052 * 0.024
     level = 0.05044 - 0.049 * (0.01994 - draft) / 0.15
     late = t > t[-1] - 0.4
     measured = level - (z[late].mean() - 0.012)
     yield near(work, "draft [m]", measured, draft, "Archimedes", absolute=0.0025)
-    yield at_most(work, "tilt at the end over 8°", np.abs(tilt[late]).max() / 8, 0.7, "GM = 8.0 mm > 0: it comes back")
+    yield at_most(work, "tilt at the end over 8°", np.abs(tilt[late]).max() / 8, 0.2, "GM = 8.0 mm > 0: it comes back")
     yield at_most(work, "least tilt over 8°", tilt.min() / 8, 0.0, "and swings to the other side", reference=-1)
 
 
@@ -113,7 +114,7 @@ def rising_box(work):
 @check("settling_sphere", "a sphere settles in oil (ten Cate 2002, E4 and E1)")
 def settling_sphere(work):
     plot, axes = figure(figsize=(6, 4))
-    for name, density, viscosity, end, fastest in (("E4", 960, 0.058, 0.6, 0.1226), ("E1", 970, 0.373, 1.2, 0.0363)):
+    for name, density, viscosity, end, fastest in (("E4", 960, 0.058, 0.85, 0.1226), ("E1", 970, 0.373, 1.5, 0.0363)):
         changes = {"water": {"density": density, "viscosity": viscosity}, "time.end": end}
         run = work.run(variant("settling_sphere", changes), name)
         t, z = run.bodies["t"], run.bodies["sphere_1_z"]

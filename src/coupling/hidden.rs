@@ -88,7 +88,11 @@ impl Hidden<'_> {
             let sum = &seen[SUMS * body + 3 * k + 1..SUMS * body + 3 * k + 4];
             let across = cut_off[body].across;
             Vector3::from_fn(|i, _| {
-                let lost = if k % 2 == 0 { across[i] } else { (0..3).any(|j| j != i && across[j]) };
+                let lost = if k.is_multiple_of(2) {
+                    across[i]
+                } else {
+                    (0..3).any(|j| j != i && across[j])
+                };
                 if lost { 0.0 } else { sum[i] }
             })
         };
