@@ -218,6 +218,9 @@ impl Output {
     }
 
     fn write_bodies(&mut self, part: &MeshPart, now: &Snapshot) -> Result<(), io::Error> {
+        if now.loads.is_empty() {
+            return Ok(());
+        }
         let mut row = vec![now.t];
         for l in &now.loads {
             for load in [&l.reaction, &l.traction] {
