@@ -462,19 +462,26 @@ impl Simulation {
         Ok(summary)
     }
 
-    /// A sentence for each structure that is too thin for the mesh somewhere. Collective.
+    /// A sentence for each obstacle, and for each entry of bodies, that is too thin for the mesh somewhere. Collective.
     pub fn thin_structures(&self) -> Vec<String> {
         let thin = self.structures.thin(&self.part, self.bodies.as_ref(), self.clock.t);
-        let sentence = |thin: &Thin| {
-            let Thin { structure, place: [x, y, z], thickness, elements, share } = thin;
-            let name = self.structures.name(&self.case, self.bodies.as_ref(), *structure);
+        let name = |t: &Thin| self.structures.name(&self.case, self.bodies.as_ref(), t.structure);
+        let sentence = |alike: &[Thin]| {
+            let by_elements = |a: &&Thin, b: &&Thin| a.elements.total_cmp(&b.elements);
+            let thinnest = alike.iter().min_by(by_elements).expect("a chunk is not empty");
+            let Thin { place: [x, y, z], thickness, elements, share, .. } = thinnest;
+            let others = match alike.len() {
+                1 => String::new(),
+                n => format!("; {} more of its parts are too thin", n - 1),
+            };
             format!(
-                "thin:    {name} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and \
-                 less than 2 on {:.0} % of its surface: the flow may not see it as it is",
+                "thin:    {} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and less \
+                 than 2 on {:.0} % of its surface: the flow may not see it as it is{others}",
+                name(thinnest),
                 100.0 * share
             )
         };
-        thin.iter().map(sentence).collect()
+        thin.chunk_by(|a, b| name(a) == name(b)).map(sentence).collect()
     }
 
     /// Makes the folder for the results and puts the case as used into it. Collective.

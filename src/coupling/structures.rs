@@ -76,12 +76,7 @@ impl Structures {
         match (structure.checked_sub(self.first_body()), bodies, &case.bodies) {
             (Some(body), Some(bodies), Some(asked)) => {
                 let group = bodies.world.clusters[body].group;
-                let first = bodies.world.clusters.iter().position(|c| c.group == group);
-                let number = body - first.expect("it is one of them") + 1;
-                format!(
-                    "body \"{}\", number {number} of its kind,",
-                    asked.bodies[group as usize].name
-                )
+                format!("body \"{}\"", asked.bodies[group as usize].name)
             }
             _ => format!("obstacle \"{}\"", case.obstacles[structure].name),
         }

@@ -11,8 +11,8 @@ use crate::mesh::MeshPart;
 use crate::mesh::locate::Locator;
 use nalgebra::Vector3;
 
-/// Elements of thickness that a structure wants.
-const WANTED: f64 = 2.0;
+/// Elements of thickness that a structure wants: two, but for what grading and placing take off.
+const WANTED: f64 = 1.95;
 /// Points along a triangle's edge, at most.
 const FINEST: usize = 12;
 /// Structures that a ray goes through, at most.
@@ -69,7 +69,7 @@ impl Structures {
                     }
                     let thick = through(solid, &others, x, -n, skin, (WANTED + 1.0) * size);
                     areas[s][0] += area;
-                    if thick < WANTED * size * (1.0 - 1e-6) {
+                    if thick < WANTED * size {
                         areas[s][1] += area;
                         if thick / size < thinnest[s][0] {
                             thinnest[s] = [thick / size, thick, x.x, x.y, x.z];
