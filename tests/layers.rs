@@ -36,7 +36,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
     (
         "setup",
-        &["bodies", "case", "cut", "flow", "linear", "mesh", "phase", "shape"],
+        &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "phase", "shape"],
         &["io", "partition"],
     ),
     ("report", &["bodies", "case", "fem", "flow", "mesh", "phase"], &["io", "partition"]),
