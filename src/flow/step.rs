@@ -37,9 +37,9 @@ const FLOOR: f64 = 1e-13;
 /// Preconditioned directions kept before a restart.
 const RESTART: u32 = 15;
 /// The matrix is stored in single precision: good for a change that leaves this much of the equations...
-const TRUSTED: f64 = 1e-4;
+const TRUSTED: f64 = 5e-4;
 /// ... and, where less is asked for, used down to this before what is left is computed anew.
-const DEEPEST: f64 = 1e-6;
+const DEEPEST: f64 = 1e-4;
 
 /// State and system of the flow on this rank.
 pub struct Flow {

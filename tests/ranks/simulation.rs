@@ -56,7 +56,7 @@ fn run(case: Case, comm: &Communicator, steps: usize) -> (Simulation, Vec<u32>) 
 
 /// Largest differences of u, p and φ between this run and the same on one rank, relative to the
 /// largest value, and of the iterations of the flow in each step.
-fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], Vec<u32>) {
+fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], Vec<i64>) {
     let (mine, iterations) = run(case.clone(), comm, steps);
     // The first rank alone computes the whole, for all to compare with.
     let (mut whole, mut whole_iterations) = (Vec::new(), Vec::new());
@@ -83,8 +83,8 @@ fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], Vec
         }
     }
     let relative = std::array::from_fn(|a| comm.max(difference[a]) / comm.max(largest[a]));
-    let apart: Vec<u32> =
-        iterations.iter().zip(&whole_iterations).map(|(a, b)| a.abs_diff(*b)).collect();
+    let apart: Vec<i64> =
+        iterations.iter().zip(&whole_iterations).map(|(a, b)| i64::from(*a) - i64::from(*b)).collect();
     if comm.rank() == 0 {
         println!(
             "  u, p, φ apart by {relative:?}, iterations by {apart:?} of {whole_iterations:?}"
