@@ -83,8 +83,11 @@ fn differences(comm: &Communicator, case: &Case, steps: usize) -> ([f64; 3], Vec
         }
     }
     let relative = std::array::from_fn(|a| comm.max(difference[a]) / comm.max(largest[a]));
-    let apart: Vec<i64> =
-        iterations.iter().zip(&whole_iterations).map(|(a, b)| i64::from(*a) - i64::from(*b)).collect();
+    let apart: Vec<i64> = iterations
+        .iter()
+        .zip(&whole_iterations)
+        .map(|(a, b)| i64::from(*a) - i64::from(*b))
+        .collect();
     if comm.rank() == 0 {
         println!(
             "  u, p, φ apart by {relative:?}, iterations by {apart:?} of {whole_iterations:?}"
