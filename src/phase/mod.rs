@@ -100,11 +100,10 @@ pub struct Phase {
     // Scratch.
     profile: Profile,
     before: Vec<f64>,
-    /// Σ_e V_e n_e of `regularise`.
-    normal: Vec<[f64; 3]>,
-    /// Mean of ∇ψ_h over the band's elements around a node, and their volume.
+    /// Σ_e V_e n_e and Σ_e V_e over the band's elements around a node, for `regularise`.
+    normal: Vec<[f64; 4]>,
+    /// Mean of ∇ψ_h over them.
     slope: Vec<[f64; 3]>,
-    around: Vec<f64>,
     nodal_volume: Vec<f64>,
     band: Vec<(u32, u32, f64)>,
 }
@@ -155,9 +154,8 @@ impl Phase {
             solver: transport::Solver::new(part, graph),
             profile: Profile::default(),
             before: phi.clone(),
-            normal: vec![[0.0; 3]; n],
+            normal: vec![[0.0; 4]; n],
             slope: vec![[0.0; 3]; n],
-            around: vec![0.0; n],
             nodal_volume: Vec::new(),
             band: Vec::new(),
             phi,

@@ -41,6 +41,12 @@ const WHOLE: f64 = 0.01;
 /// in ten periods, with this one 0.3 % more, than with 0.1, which leaves noise on still water half as fast again.
 const GATE: f64 = 0.03;
 
+/// |∇ψ| below which an element's normal fades out: of length 1 everywhere, it would be a matter of rounding in
+/// elements with one value of ψ at all nodes, as there are at the edges of a column.
+const FLAT: f64 = 0.1;
+/// Mean normal times ∇ψ/|∇ψ| from which on the mean is trusted alone.
+const ALIKE: f64 = 0.1;
+
 /// Speed that ripples are levelled with, over that of the shortest waves.
 const UPWIND: f64 = 0.5;
 
@@ -120,38 +126,40 @@ fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f
         };
         let t = Tetrahedron::of(&part.mesh, e);
         let slope = t.gradient(nodes.map(|n| phase.delta * n.s));
-        let size = norm(slope);
-        if size < 1e-12 {
-            continue;
-        }
-        let mut n = [0.0; 3];
+        // The mean of n_e around the element, and how much steeper than around it the element is.
+        let (mut around, mut volume, mut ripple) = ([0.0; 3], 0.0, slope);
         for i in tet.map(|i| i as usize) {
+            volume += phase.normal[i][3];
             for k in 0..3 {
-                n[k] += phase.normal[i][k];
+                around[k] += phase.normal[i][k];
+                ripple[k] -= 0.25 * phase.slope[i][k];
             }
         }
-        let along = dot(n, slope);
-        // Across a sheet thinner than two elements the average means nothing.
-        let n = if along > 0.0 { n.map(|c| c / norm(n)) } else { slope.map(|c| c / size) };
-        let d = dot(n, slope) - 1.0;
-        let c = (-d).clamp(0.0, 1.0);
-        let r: [f64; 3] = std::array::from_fn(|k| d * n[k] + c * (slope[k] - (1.0 + d) * n[k]));
+        let around = around.map(|n| n / volume.max(f64::MIN_POSITIVE));
         let q = nodes[0].q.min(nodes[1].q).min(nodes[2].q.min(nodes[3].q));
         let most = most / f64::from(phase.stiffness[e]);
         let speed = speed.min(most);
         let waves = waves.min(most - speed);
-        let s = speed * window(q) * q * (d * d / (d * d + GATE * GATE));
-        // How much steeper than around it, across n̄.
-        let mut ripple = slope;
-        for i in tet.map(|i| i as usize) {
-            for k in 0..3 {
-                ripple[k] -= 0.25 * phase.slope[i][k];
+        let along = |n: [f64; 3]| {
+            let d = dot(n, slope) - 1.0;
+            let c = (-d).clamp(0.0, 1.0);
+            let s = speed * (d * d / (d * d + GATE * GATE));
+            let aside = dot(n, ripple);
+            let across = |k: usize| ripple[k] - aside * n[k];
+            let r = |k: usize| d * n[k] + c * (slope[k] - (1.0 + d) * n[k]);
+            [0, 1, 2].map(|k| window(q) * q * (s * r(k) + waves * across(k)))
+        };
+        // Across a sheet thinner than two elements the average means nothing: there, the element's own.
+        let trust = smoothstep(dot(around, slope) / (ALIKE * norm(slope).max(FLAT)));
+        let mut flux = [0.0; 3];
+        for (n, share) in [(normal(slope), 1.0 - trust), (around.map(|c| c / norm(around)), trust)]
+        {
+            if share > 0.0 {
+                let along = along(n);
+                (0..3).for_each(|k| flux[k] += share * along[k]);
             }
         }
-        let (along, across) = (dot(n, ripple), waves * window(q) * q);
         let volume = dt * cut.fluid_volume(&part.mesh, e);
-        let flux: [f64; 3] =
-            std::array::from_fn(|k| s * r[k] + across * (ripple[k] - along * n[k]));
         for k in 0..3 {
             phase.flux[e][k] += flux[k];
         }
@@ -174,30 +182,34 @@ fn add_liquid(phase: &mut Phase, i: usize, volume: f64) {
     }
 }
 
-/// Σ_e V_e n_e around each node, and the mean of ∇ψ_h.
+/// ∇ψ_h/|∇ψ_h|, faded out where that is rounding.
+#[inline]
+fn normal(slope: [f64; 3]) -> [f64; 3] {
+    let size = norm(slope);
+    let share = smoothstep(size / FLAT) / size.max(f64::MIN_POSITIVE);
+    slope.map(|c| c * share)
+}
+
+/// Around each node: Σ_e V_e n_e and Σ_e V_e, and the mean of ∇ψ_h.
 fn set_slopes(phase: &mut Phase, part: &MeshPart, cut: &CutMesh) {
-    phase.normal.fill([0.0; 3]);
+    phase.normal.fill([0.0; 4]);
     phase.slope.fill([0.0; 3]);
-    phase.around.fill(0.0);
     for (e, tet) in part.assembled().iter().enumerate() {
         let Some(nodes) = phase.profile.in_band(tet) else { continue };
         let t = Tetrahedron::of(&part.mesh, e);
         let volume = cut.fluid_volume(&part.mesh, e);
         let slope = t.gradient(nodes.map(|n| phase.delta * n.s));
-        let size = norm(slope);
-        if size == 0.0 || volume == 0.0 {
-            continue;
-        }
+        let n = normal(slope);
         for i in tet.map(|i| i as usize) {
-            phase.around[i] += volume;
+            phase.normal[i][3] += volume;
             for k in 0..3 {
-                phase.normal[i][k] += volume / size * slope[k];
+                phase.normal[i][k] += volume * n[k];
                 phase.slope[i][k] += volume * slope[k];
             }
         }
     }
-    for (slope, &around) in phase.slope.iter_mut().zip(&phase.around) {
-        *slope = slope.map(|s| s / around.max(f64::MIN_POSITIVE));
+    for (slope, normal) in phase.slope.iter_mut().zip(&phase.normal) {
+        *slope = slope.map(|s| s / normal[3].max(f64::MIN_POSITIVE));
     }
     part.exchange.update_ghosts(&mut phase.normal);
     part.exchange.update_ghosts(&mut phase.slope);

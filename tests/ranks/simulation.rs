@@ -155,12 +155,12 @@ pub fn same_fields_around_led_blocks(comm: &Communicator) {
     }
 }
 
-/// The ranks cost hardly any iterations, with the tolerances that runs have. The two starting steps
-/// are solved to 1e-11: there a sixth is as little.
+/// The ranks cost hardly any iterations, with the tolerances that runs have: 2 for three digits. The two
+/// starting steps are solved to eleven.
 pub fn same_iterations_on_any_ranks(comm: &Communicator) {
     for top in ["z_max = \"open\"", ""] {
         let (_, apart) = differences(comm, &case(top, ""), 30);
         let (start, run) = apart.split_at(2);
-        assert!(start.iter().all(|&n| n <= 4) && run.iter().all(|&n| n <= 2), "{apart:?}");
+        assert!(start.iter().all(|&n| n <= 2 * 11 / 3) && run.iter().all(|&n| n <= 2), "{apart:?}");
     }
 }
