@@ -30,7 +30,7 @@ pub struct Material {
     /// ψ/δ, and I(ψ)/δ.
     psi: Vec<f64>,
     integral: Vec<f64>,
-    /// R of the regularisation in each element [m/s]; empty: none.
+    /// What liquid moves by against the fluid in each element, the other way round [m/s]; empty: none.
     flux: Vec<[f64; 3]>,
 }
 
@@ -75,7 +75,7 @@ impl Material {
         }
     }
 
-    /// Takes over R of the regularisation in each element [m/s].
+    /// Takes over `flux` of the phase field.
     pub fn set_flux(&mut self, flux: &[[f64; 3]]) {
         self.flux.clear();
         self.flux.extend_from_slice(flux);

@@ -1,7 +1,7 @@
 //! What one element adds to the transport step: the matrix for φ* = φ_h, and the profile's part.
 
 use super::boundary::face_flux;
-use super::profile::{moments, tangent};
+use super::profile::{OUTER, moments, tangent};
 use super::transport::Given;
 use super::{Form, Phase};
 use crate::cut::{Cell, CutMesh};
@@ -12,6 +12,8 @@ use crate::mesh::tetrahedron::Tetrahedron;
 
 /// ũ against the shape functions of one element.
 struct Convection {
+    /// ũ_e.
+    u: [f64; 3],
     /// `b[k][j]` = ũ(x_k)·∇N_j.
     b: [[f64; 4]; 4],
     /// ũ_e·∇N_j.
@@ -34,7 +36,7 @@ impl Convection {
         let mean = t.grad.map(|g| dot(um, g));
         let h = t.size();
         let tau = 1.0 / (4.0 / (dt * dt) + 4.0 * dot(um, um) / (h * h)).sqrt();
-        Self { b, mean, tau }
+        Self { u: um, b, mean, tau }
     }
 }
 
@@ -144,6 +146,9 @@ pub(super) fn add_profile(
         let along: f64 =
             (0..4).map(|j| c.mean[j] * (p.slope * nodes[j].s - w * nodes[j].phi)).sum();
         let total: f64 = p.excess.iter().sum();
+        if level == Level::Old && phase.form == Form::Psi {
+            phase.flux[e] = c.u.map(|u| c.tau * u * (0.5 * along - total / given.dt));
+        }
         for i in (0..4).filter(|&i| n[i] < n_owned) {
             let flux: f64 = (0..4).map(|k| c.b[k][i] * p.excess[k]).sum();
             out[n[i]] +=
@@ -164,6 +169,60 @@ pub(super) fn add_profile(
             }
         }
     }
+}
+
+/// What SUPG moves φ by, `ũ_e τ` times the mean of `∂tφ* + ũ_e·∇φ*`, added to `phase.flux`, which has the profile's
+/// part of the old level. To be called with the new φ and its profile.
+pub(super) fn add_streamline_flux(
+    phase: &mut Phase,
+    part: &MeshPart,
+    cut: &CutMesh,
+    given: &Given<'_>,
+) {
+    for (e, tet) in part.assembled().iter().enumerate() {
+        let mixed = |phi: &[f64]| {
+            tet.iter().any(|&n| {
+                let phi = phi[n as usize];
+                (phi * (1.0 - phi)).abs() > OUTER
+            })
+        };
+        if !mixed(&phase.phi) && !mixed(&phase.before) {
+            continue;
+        }
+        let t = Tetrahedron::of(&part.mesh, e);
+        let flux = match cut.cell(e) {
+            Cell::Whole => streamline_flux(phase, given, e, tet, &t, &Whole(t.volume)),
+            Cell::Cut(c) => streamline_flux(phase, given, e, tet, &t, &c.pieces.fluid),
+            Cell::Solid => continue,
+        };
+        (0..3).for_each(|k| phase.flux[e][k] += flux[k]);
+    }
+}
+
+#[inline]
+fn streamline_flux(
+    phase: &Phase,
+    given: &Given<'_>,
+    e: usize,
+    tet: &[u32; 4],
+    t: &Tetrahedron,
+    fluid: &impl Region,
+) -> [f64; 3] {
+    let n = tet.map(|n| n as usize);
+    let u = n.map(|n| given.velocity[n]);
+    let c = Convection::new(t, fluid, u, given.fine_scale[e], given.dt);
+    let (old, new) = (n.map(|n| phase.before[n]), n.map(|n| phase.phi[n]));
+    let change: f64 = (0..4).map(|i| fluid.first(i) * (new[i] - old[i])).sum();
+    let along: f64 = (0..4).map(|i| c.mean[i] * 0.5 * (new[i] + old[i])).sum();
+    let mut residual = change / (fluid.volume() * given.dt) + along;
+    let w = f64::from(phase.solver.weight[e]);
+    if w > 0.0 {
+        let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
+        let p = moments(nodes, w);
+        let slope: f64 = (0..4).map(|j| c.mean[j] * (p.slope * nodes[j].s - w * new[j])).sum();
+        residual += p.excess.iter().sum::<f64>() / given.dt + 0.5 * slope;
+    }
+    c.u.map(|u| c.tau * u * residual)
 }
 
 /// Adds the derivative of the profile's part at the new level, at `phase.profile`, to the matrix.

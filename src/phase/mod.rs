@@ -94,7 +94,7 @@ pub struct Phase {
     ratio: Vec<f64>,
     /// λ_e of `regularise`.
     stiffness: Vec<f32>,
-    /// R of local elements over the last step, mean of its sub-steps [m/s].
+    /// R + S of local elements over the last step: the regularisation's, mean of its sub-steps, and SUPG's [m/s].
     flux: Vec<[f64; 3]>,
     solver: transport::Solver,
     // Scratch.
@@ -243,10 +243,11 @@ impl Phase {
             .fold(0.0, f64::max);
         let speed = self.mobility * part.max(top).sqrt();
         let given = Given { dt, velocity, fine_scale, inflow, speed };
-        let mut report = transport::step(self, part, cut, &given)?;
         self.flux.fill([0.0; 3]);
+        let mut report = transport::step(self, part, cut, &given)?;
         self.stages[0].copy_from_slice(&self.phi);
         if self.form == Form::Psi {
+            convection::add_streamline_flux(self, part, cut, &given);
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
         // When the walls moved, cells gained and lost water of the old φ; what has flowed since went with the mean
@@ -274,7 +275,7 @@ impl Phase {
         self.cell
     }
 
-    /// R of local elements over the last step [m/s]: liquid moves by −R against the fluid, in ψ form.
+    /// R + S of local elements over the last step [m/s]: liquid moves by −(R + S) against the fluid. In ψ form alone.
     pub fn flux(&self) -> &[[f64; 3]] {
         &self.flux
     }

@@ -105,15 +105,23 @@ pub(super) fn sub_steps(
         if sub > 0 {
             phase.profile.set(&phase.phi, false);
         }
-        sub_step(phase, part, cut, dt / f64::from(n), speed, waves);
+        sub_step(phase, part, cut, dt, n, [speed, waves]);
         part.exchange.update_ghosts(&mut phase.phi);
     }
-    let share = 1.0 / f64::from(n);
-    phase.flux.as_flattened_mut().iter_mut().for_each(|r| *r *= share);
     n
 }
 
-fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f64, waves: f64) {
+/// One of `n`.
+fn sub_step(
+    phase: &mut Phase,
+    part: &MeshPart,
+    cut: &CutMesh,
+    dt: f64,
+    n: u32,
+    [speed, waves]: [f64; 2],
+) {
+    let share = 1.0 / f64::from(n);
+    let dt = dt * share;
     let n_owned = part.n_owned();
     let most = LIMIT / (phase.delta * dt);
     for (e, tet) in part.assembled().iter().enumerate() {
@@ -161,7 +169,7 @@ fn sub_step(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, dt: f64, speed: f
         }
         let volume = dt * cut.fluid_volume(&part.mesh, e);
         for k in 0..3 {
-            phase.flux[e][k] += flux[k];
+            phase.flux[e][k] += share * flux[k];
         }
         for i in 0..4 {
             let at = tet[i] as usize;
