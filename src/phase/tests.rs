@@ -314,3 +314,50 @@ fn without_conservation_a_disc_shrinks_by_curvature() {
     let theory = 2.0 * PI * gamma * phase.delta() * dt * steps as f64;
     assert!((lost / theory - 1.0).abs() < 0.05, "{lost} {theory}");
 }
+
+/// What nodes gain is what φ* ũ and `flux` bring: whoever moves momentum with these moves it with the mass.
+#[test]
+fn flux_is_what_moves_beyond_the_velocity() {
+    let part = cube(8);
+    let settings = FreeSurface { mobility: 0.0, ..SETTINGS };
+    let mut phase = of_distance(&part, &settings, 1e-12, sphere);
+    let (u, dt) = ([0.9, -0.4, 0.7], 0.1);
+    let velocity = vec![u; part.n_local()];
+    let fine = vec![[0.0; 3]; part.mesh.tets.len()];
+    let old = phase.phi.clone();
+    phase.advance(&part, &CutMesh::whole(), dt, &velocity, &fine, &[]).unwrap();
+
+    // ∫N_i φ* of both levels, and what came; ∫φ* of each element.
+    let (mut mass, mut came) = ([0, 1].map(|_| vec![0.0; old.len()]), vec![0.0; old.len()]);
+    let profiles = [&old, &phase.phi].map(|phi| {
+        let mut profile = Profile::default();
+        profile.set(phi, true);
+        profile
+    });
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let t = Tetrahedron::of(&part.mesh, e);
+        let mut mean = 0.0;
+        for (profile, mass) in profiles.iter().zip(&mut mass) {
+            let nodes = tet.map(|n| &profile.nodes[n as usize]);
+            let w = f64::from(phase.solver.weight[e]);
+            let excess = if w > 0.0 { profile::moments(nodes, w).excess } else { [0.0; 4] };
+            let sum: f64 = nodes.iter().map(|n| n.phi).sum();
+            for i in 0..4 {
+                let share = t.volume * (0.05 * (sum + nodes[i].phi) + excess[i]);
+                mass[tet[i] as usize] += share;
+                mean += 0.5 * share;
+            }
+        }
+        for i in 0..4 {
+            let carried: f64 = dot(u, t.grad[i]) * mean;
+            came[tet[i] as usize] += carried - t.volume * dot(phase.flux()[e], t.grad[i]);
+        }
+    }
+    let inside = |i: usize| part.mesh.nodes[i].iter().all(|&x| x > 1e-9 && x < 1.0 - 1e-9);
+    let nodes: Vec<usize> = (0..old.len()).filter(|&i| inside(i)).collect();
+    let most = |f: &dyn Fn(usize) -> f64| nodes.iter().map(|&i| f(i).abs()).fold(0.0, f64::max);
+    let moved = most(&|i| mass[1][i] - mass[0][i]);
+    let wrong = most(&|i| mass[1][i] - mass[0][i] - dt * came[i]);
+    let streamline = most(&|i| dt * came[i]) > 0.0 && phase.flux().iter().any(|f| norm(*f) > 1e-3);
+    assert!(streamline && wrong < 1e-10 * moved, "{wrong} of {moved}");
+}
