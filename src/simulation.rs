@@ -1,15 +1,16 @@
-//! The run: state, one step, output, restart.
+//! The state of a case in progress, and its step. `run` goes to the end, with output · `time_step` how long a step is ·
+//! `checkpoint` restart · `energy` where energy is and goes.
 
 mod checkpoint;
 mod energy;
+mod run;
+mod time_step;
 
 use crate::bodies::{Bodies, Load, Tracked};
-use crate::case::{Case, MeshSource};
+use crate::case::Case;
 use crate::coupling::riders::Rider;
-use crate::coupling::thickness::Thin;
 use crate::coupling::{self, Failure, Structures};
 use crate::cut::{CutMesh, Extension};
-use crate::fem::courant_rate;
 use crate::flow::{BodyLoad, Flow, FlowReport, Material};
 use crate::linear::Diverged;
 use crate::mesh::MeshPart;
@@ -17,31 +18,12 @@ use crate::mesh::balance::Balance;
 use crate::mesh::quality::Quality;
 use crate::obstacles::Obstacles;
 use crate::phase::{Phase, VolumeReport, inflow::Inflow};
-use crate::report::bodies::BodiesOutput;
-use crate::report::energy::EnergyOutput;
 use crate::report::gauges::Gauges;
-use crate::report::output::{Output, Schedule, Snapshot};
-use crate::report::progress::{Line, Progress};
 use crate::report::stages::Stages;
-use crate::report::summary::{Summary, Totals};
 use crate::setup::{self, SetupError};
 use energy::Ledger;
 use partition::Communicator;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
-
-/// A step is at most this much longer than the one before.
-const GROWTH: f64 = 1.2;
-/// In the first step a fluid at rest falls at most this fraction of the smallest cell; without gravity
-/// the step is this fraction of the run.
-const FIRST_FALL: f64 = 0.01;
-/// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
-const WAVE_LIMIT: f64 = 0.5;
-/// Cells that a wall crosses in a step at most: nodes beyond it hold for it no longer.
-const WALL_LIMIT: f64 = 0.25;
-
-/// Bodies without a fluid take this many sub-steps a step.
-const SUB_STEPS: f64 = 100.0;
+pub use run::Options;
 
 /// A case in progress on this rank.
 pub struct Simulation {
@@ -138,19 +120,6 @@ pub enum RunError {
         /// Change over velocity.
         residual: f64,
     },
-}
-
-/// How a run was asked for on the command line.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Folder for the results.
-    pub out: PathBuf,
-    /// Checkpoint to go on from, or a folder with checkpoints.
-    pub restart: Option<PathBuf>,
-    /// Stop after this many steps.
-    pub steps: Option<u64>,
-    /// Print nothing but errors.
-    pub quiet: bool,
 }
 
 /// What one step did.
@@ -359,248 +328,9 @@ impl Simulation {
         Ok(report)
     }
 
-    /// From where it stands to the end of the case, with all output. Collective.
-    ///
-    /// # Errors
-    /// A step that fails, a file that cannot be written.
-    pub fn run(&mut self, options: &Options) -> Result<Summary, RunError> {
-        let started = Instant::now();
-        let first = self.part.comm.rank() == 0;
-        let after = match &options.restart {
-            Some(path) => {
-                self.restore(path)?;
-                Some(self.clock.t)
-            }
-            None => None,
-        };
-        self.open_folder(&options.out)?;
-        let gauges = self.gauges.take().expect("a simulation is run once");
-        let mut output = Output::open(&self.case, &self.part, gauges, &options.out, after)?;
-        let mut body_files = match &self.bodies {
-            Some(b) => BodiesOutput::open(&self.case, b, &self.tracked, &options.out, after)?,
-            None => None,
-        };
-        let mut energy = match &self.energy {
-            Some(_) => Some(EnergyOutput::open(&self.part, &options.out, after)?),
-            None => None,
-        };
-        let mut checkpoints = self.case.output.checkpoint_every.map(|every| {
-            let mut schedule = Schedule::new(every, after);
-            schedule.take(self.clock.t);
-            schedule
-        });
-        let end = self.case.time.end;
-        let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
-        for thin in self.thin_structures() {
-            progress.tell(&thin);
-        }
-        let begun = self.clock.step;
-        let mut flow_iterations = 0;
-        let mut told = 0;
-        if after.is_none() {
-            output.write_if_due(&self.part, &self.snapshot())?;
-            if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
-                files.write_if_due(self.clock.t, bodies)?;
-            }
-        }
-        let mut line = Line { t: self.clock.t, ..Line::default() };
-        let mut pockets = 0;
-        let begin = self.part.comm.clock();
-        while self.clock.t < end && options.steps.is_none_or(|n| self.clock.step - begun < n) {
-            let rate = courant_rate(&self.part, self.velocity());
-            let due = checkpoints.map(|schedule| schedule.next_time());
-            let pictures = body_files.as_ref().map(|files| files.next_time());
-            let due = output.next_time().into_iter().chain(due).chain(pictures);
-            let dt = self.next_dt(rate, due);
-            let report = self.step(dt)?;
-            flow_iterations += u64::from(report.flow.iterations);
-            let sealed = report.flow.squeezed;
-            if sealed.pockets > pockets && sealed.volume > 0.0 {
-                progress.tell(&format!(
-                    "t {:.4} s: {} bodies of fluid have no open boundary; what moving walls squeeze out of them is \
-                     compressed there (sealed_pockets and squeezed in history.csv)",
-                    self.clock.t, sealed.pockets
-                ));
-            }
-            pockets = sealed.pockets;
-            let clock = self.part.comm.clock();
-            line = self.line(&report, dt * rate);
-            output.write_history(&self.part, self.history(&report, dt * rate))?;
-            if let (Some(file), Some(ledger)) = (&mut energy, &self.energy) {
-                file.write(&self.part, self.clock.t, &ledger.energy)?;
-            }
-            output.write_if_due(&self.part, &self.snapshot())?;
-            if let Some(bodies) = &self.bodies {
-                for left in &bodies.left[told..] {
-                    progress.tell(&left.to_string());
-                }
-                told = bodies.left.len();
-            }
-            if let (Some(files), Some(bodies)) = (&mut body_files, &self.bodies) {
-                files.write_if_due(self.clock.t, bodies)?;
-            }
-            if let Some(schedule) = &mut checkpoints
-                && schedule.take(self.clock.t)
-            {
-                self.write_checkpoint(&options.out)?;
-            }
-            self.stages.add("output", clock.elapsed());
-            progress.show(&line, false);
-        }
-        progress.show(&line, true);
-        let totals = Totals {
-            steps: self.clock.step - begun,
-            t: self.clock.t,
-            wall_seconds: started.elapsed().as_secs_f64(),
-            flow_iterations,
-            bodies_left: self.bodies.as_ref().map_or(0, |bodies| bodies.left.len() as u64),
-            cost: begin.elapsed(),
-        };
-        let summary = Summary::new(&self.case, &self.part, &self.stages, totals);
-        let written = if first { summary.write(&options.out) } else { Ok(()) };
-        io::Error::agree(&self.part.comm, written)?;
-        Ok(summary)
-    }
-
-    /// A sentence for each obstacle, and for each entry of bodies, that is too thin for the mesh somewhere. Collective.
-    pub fn thin_structures(&self) -> Vec<String> {
-        let thin = self.structures.thin(&self.part, self.bodies.as_ref(), self.clock.t);
-        let name = |t: &Thin| self.structures.name(&self.case, self.bodies.as_ref(), t.structure);
-        let sentence = |alike: &[Thin]| {
-            let by_elements = |a: &&Thin, b: &&Thin| a.elements.total_cmp(&b.elements);
-            let thinnest = alike.iter().min_by(by_elements).expect("a chunk is not empty");
-            let Thin { place: [x, y, z], thickness, elements, share, .. } = thinnest;
-            let others = match alike.len() {
-                1 => String::new(),
-                n => format!("; {} more of its parts are too thin", n - 1),
-            };
-            format!(
-                "thin:    {} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and less \
-                 than 2 on {:.0} % of its surface: the flow may not see it as it is{others}",
-                name(thinnest),
-                100.0 * share
-            )
-        };
-        thin.chunk_by(|a, b| name(a) == name(b)).map(sentence).collect()
-    }
-
-    /// Makes the folder for the results and puts the case as used into it. Collective.
-    fn open_folder(&self, folder: &Path) -> Result<(), io::Error> {
-        let made = if self.part.comm.rank() == 0 {
-            let case = folder.join("case.toml");
-            std::fs::create_dir_all(folder).map_err(|e| io::Error::file(folder, e)).and_then(|()| {
-                std::fs::write(&case, &self.case.effective).map_err(|e| io::Error::file(&case, e))
-            })
-        } else {
-            Ok(())
-        };
-        io::Error::agree(&self.part.comm, made)
-    }
-
-    /// Cells that the fastest wall crosses a second.
-    fn wall_rate(&self) -> f64 {
-        // Before the first step, their speed at once.
-        let (t, dt) = (self.clock.t, self.clock.dt.max(1e-9 * self.case.time.end));
-        self.structures.crossing_rate(&self.part, &self.cut, t, dt)
-    }
-
     /// u at local nodes [m/s], computed or given.
     pub fn velocity(&self) -> &[[f64; 3]] {
         self.flow.as_ref().map_or(&self.given, |flow| &flow.u)
-    }
-
-    fn snapshot(&self) -> Snapshot<'_> {
-        Snapshot {
-            t: self.clock.t,
-            u: self.velocity(),
-            p: self.flow.as_ref().map_or(&[], |flow| &flow.p),
-            phi: self.phase.as_ref().map_or(&[], |phase| &phase.phi),
-            distance: &self.cut.distance,
-            dry: &self.cut.dry_nodes,
-            loads: self.structures.by_name(
-                self.bodies.as_ref(),
-                &self.loads,
-                &self.hidden,
-                self.case.bodies.as_ref().map_or(0, |b| b.bodies.len()),
-            ),
-            riding: self.structures.ride(&self.riders, self.clock.t),
-        }
-    }
-
-    fn line(&self, report: &StepReport, courant: f64) -> Line {
-        let volume = &report.volume;
-        Line {
-            t: self.clock.t,
-            step: self.clock.step,
-            dt: report.dt,
-            courant,
-            iterations: report.flow.iterations,
-            fluid: self.case.mesh != MeshSource::Nothing,
-            volume_error: (volume.volume - volume.target) / volume.target.max(f64::MIN_POSITIVE),
-        }
-    }
-
-    fn history(&self, report: &StepReport, courant: f64) -> [f64; 18] {
-        let (flow, volume) = (&report.flow, &report.volume);
-        [
-            self.clock.step as f64,
-            self.clock.t,
-            report.dt,
-            courant,
-            report.passes.into(),
-            flow.iterations.into(),
-            flow.residual / flow.initial_residual.max(f64::MIN_POSITIVE),
-            report.phase_iterations.into(),
-            volume.volume,
-            volume.error,
-            volume.inflow,
-            volume.correction,
-            volume.corrected,
-            volume.bodies.into(),
-            flow.squeezed.pockets.into(),
-            flow.squeezed.volume,
-            flow.kinetic,
-            flow.potential,
-        ]
-    }
-
-    /// Length of the next step [s], for flow that crosses `rate` cells a second; it ends on the next of the
-    /// times `due`, unless the case gives the step.
-    fn next_dt(&self, rate: f64, due: impl Iterator<Item = f64>) -> f64 {
-        let time = &self.case.time;
-        let t = self.clock.t;
-        let (wanted, stop) = match time.step {
-            Some(step) => (step, time.end),
-            None => {
-                let g = crate::fem::norm(self.case.gravity);
-                let growth = match time.first_step {
-                    _ if self.clock.step > 0 => GROWTH * self.clock.dt,
-                    Some(first) => first,
-                    None if g > 0.0 => (FIRST_FALL * 2.0 * self.smallest / g).sqrt(),
-                    None => FIRST_FALL * time.end,
-                };
-                let mut wanted = growth.min(time.max_step).min(time.max_cfl / rate);
-                if let (Some(phase), true) = (&self.phase, self.flow.is_some()) {
-                    wanted = wanted.min(WAVE_LIMIT * (phase.cell() / g).sqrt());
-                }
-                if self.flow.is_some() {
-                    wanted = wanted.min(WALL_LIMIT / self.wall_rate());
-                } else if let Some(bodies) = &self.bodies {
-                    wanted = (SUB_STEPS * bodies.time_step()).min(time.max_step);
-                }
-                let next = due.filter(|&d| d > t * (1.0 + 1e-9)).fold(time.end, f64::min);
-                (wanted, next)
-            }
-        };
-        let left = stop - t;
-        // The stop is met with equal steps, not with a last crumb.
-        if left <= wanted * (1.0 + 1e-9) {
-            left
-        } else if left < 2.0 * wanted {
-            0.5 * left
-        } else {
-            wanted
-        }
     }
 }
 
