@@ -259,6 +259,12 @@ impl Simulation {
             report.phase_iterations = moved.iterations;
             clock.t_phase += dt_phase;
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
+            if let Some(flow) = &mut self.flow {
+                let (phi, flux, material) = (&phase.phi, phase.flux(), &mut self.material);
+                stages.time("free surface", || {
+                    flow.take_phase(part, &self.cut, material, phi, flux, dt_phase)
+                });
+            }
             if let (Some(ledger), Some(flow)) = (&mut self.energy, &self.flow) {
                 ledger.surface_moved(part, &self.cut, flow, &mut self.material, phase);
             }

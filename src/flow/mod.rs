@@ -3,6 +3,7 @@
 //!
 //! - `stabilisation`: τ and τ_c.
 //! - `material`: densities, viscosities and the gravity force of an element.
+//! - `mass_balance`: mass that appears as densities change, and what momentum it has.
 //! - `weak_form`: what one element adds to the linear system of a step.
 //! - `open_boundary`: what a face with given pressure adds.
 //! - `viscous`: what the preconditioner needs where viscosity rules.
@@ -16,6 +17,7 @@
 //! of the phase field only its values.
 
 pub mod loads;
+mod mass_balance;
 pub mod material;
 pub mod open_boundary;
 mod sealed;

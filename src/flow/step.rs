@@ -9,6 +9,7 @@ pub use energy::StepEnergy;
 
 use assembly::add;
 
+use super::mass_balance::MassBalance;
 use super::material::Material;
 use super::open_boundary::OpenFace;
 use super::sealed::{Sealed, Squeezed};
@@ -91,6 +92,7 @@ pub struct Flow {
     /// ∇²uⁿ [1/(m s)].
     laplacian: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
+    balance: MassBalance,
     graph: NodeGraph,
     weights: Vec<f64>,
     preconditioner: SchurPreconditioner,
@@ -183,6 +185,7 @@ impl Flow {
             a: vec![[0.0; 3]; n],
             laplacian: vec![[0.0; 3]; n],
             nodal_force: Vec::new(),
+            balance: MassBalance::default(),
             matrix: BlockCsr::zero(&graph.pattern),
             pressure: BlockCsr::zero(&graph.pattern),
             across: Vec::new(),
@@ -231,6 +234,28 @@ impl Flow {
             self.list_constrained();
         }
         self.sealed = Sealed::new(part, cut, &fluid, &self.constraints.pinned);
+    }
+
+    /// `material` takes over the densities of `phi`. They have come from its own with uⁿ and u' and by `flux` [m/s] against
+    /// the fluid in `dt`; with no flux there is no account of mass.
+    pub fn take_phase(
+        &mut self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        material: &mut Material,
+        phi: &[f64],
+        flux: &[[f64; 3]],
+        dt: f64,
+    ) {
+        // At first there is no u' yet.
+        if flux.is_empty() || self.steps == 0 {
+            material.set_phase(phi);
+            material.set_flux(flux);
+            self.balance.gains.clear();
+        } else {
+            let carried = [&self.u[..], &self.fine_scale];
+            self.balance.find(part, cut, material, carried, (phi, flux), dt);
+        }
     }
 
     /// Advances u from `t` to `t + dt`, and p to the middle, around the `surfaces` of structures. Collective.

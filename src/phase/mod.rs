@@ -275,9 +275,10 @@ impl Phase {
         self.cell
     }
 
-    /// R + S of local elements over the last step [m/s]: liquid moves by −(R + S) against the fluid. In ψ form alone.
+    /// R + S of local elements over the last step [m/s]: liquid moves by −(R + S) against the fluid. Empty but in
+    /// ψ form.
     pub fn flux(&self) -> &[[f64; 3]] {
-        &self.flux
+        if self.form == Form::Psi { &self.flux } else { &[] }
     }
 
     /// Targets and sums of the volume correction.

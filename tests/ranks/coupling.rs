@@ -59,7 +59,7 @@ pub fn a_wall_in_a_wave_breaks_alike(comm: &Communicator) {
     let dt = 0.008;
     let [mut a, mut b] = [Vec::new(), Vec::new()];
     while a.len().min(b.len()) < 10 {
-        assert!(alone.clock.t < 0.4, "{} faces have come off", b.len());
+        assert!(alone.clock.t < 0.6, "{} faces have come off", b.len());
         shared.step(dt).unwrap();
         alone.step(dt).unwrap();
         (a, b) = (breaks(&shared), breaks(&alone));

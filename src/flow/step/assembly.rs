@@ -4,6 +4,7 @@
 use super::energy::wet_face;
 use super::*;
 use crate::flow::loads::Load;
+use crate::flow::mass_balance::Gain;
 
 impl Flow {
     /// Element `e` of the step that began with the velocity `old`.
@@ -139,6 +140,7 @@ impl Flow {
         let squeezed = self.sealed.spread(part, material, &self.rhs, &mut self.left, dt);
         self.assemble_open_faces(part, cut, material, theta, matrix);
         self.assemble_slivers(part, cut, material, dt, matrix);
+        self.assemble_gains(theta, matrix);
         self.constrain_left(cut);
         if matrix {
             self.constrain_matrix();
@@ -236,6 +238,9 @@ impl Flow {
                 left.add(row, part.mesh.nodes[n as usize]);
             }
         }
+        for gain in &self.balance.gains {
+            left.add(self.gain_row(gain, theta), part.mesh.nodes[gain.node as usize]);
+        }
         let mut sums = [left.force, left.torque];
         part.comm.sum_all(sums.as_flattened_mut());
         Load { force: sums[0], torque: sums[1] }
@@ -271,6 +276,24 @@ impl Flow {
                             self.matrix.values[slot][k][k] += value as f32;
                         }
                     }
+                }
+            }
+        }
+    }
+
+    /// What mass that appears brings along.
+    fn assemble_gains(&mut self, theta: f64, matrix: bool) {
+        for &Gain { node, rate, velocity } in &self.balance.gains {
+            let i = node as usize;
+            for k in 0..3 {
+                let known = rate * (velocity[k] - (1.0 - theta) * self.u[i][k]);
+                self.rhs[i][k] += known;
+                self.left[i][k] += known - rate * theta * self.x[i][k];
+            }
+            if matrix {
+                let at = self.matrix.pattern.diagonals()[i] as usize;
+                for k in 0..3 {
+                    self.matrix.values[at][k][k] += (theta * rate) as f32;
                 }
             }
         }

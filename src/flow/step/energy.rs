@@ -7,6 +7,7 @@
 
 use super::*;
 use crate::fem::dot;
+use crate::flow::mass_balance::Gain;
 
 /// Energy that went over a step [J]; losses and work done by the fluid are positive.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +34,7 @@ pub struct StepEnergy {
     pub walls: f64,
     /// Ghost penalty.
     pub ghost: f64,
-    /// ∫ρ v·(a·∇u).
+    /// ∫ρ v·(a·∇u), and what mass that appears comes with.
     pub convection: f64,
     /// Work on boundaries.
     pub boundaries: f64,
@@ -100,6 +101,9 @@ impl Flow {
                 }
             }
         }
+        for gain in &self.balance.gains {
+            sum.convection += dt * dot(mean(gain.node), self.gain_row(gain, theta));
+        }
         for face in &cut.ghost_faces {
             let c = slivers::coefficient(face, material, &self.a, dt);
             let jump = self.jump(face);
@@ -128,6 +132,15 @@ impl Flow {
 
     fn mean_velocity(&self, n: usize) -> [f64; 3] {
         std::array::from_fn(|k| 0.5 * (self.u_old[n][k] + self.u[n][k]))
+    }
+
+    /// M⁺ (u_θ − ū), after the step [N].
+    pub(super) fn gain_row(&self, gain: &Gain, theta: f64) -> [f64; 3] {
+        let i = gain.node as usize;
+        std::array::from_fn(|k| {
+            let mid = theta * self.u[i][k] + (1.0 - theta) * self.u_old[i][k];
+            gain.rate * (mid - gain.velocity[k])
+        })
     }
 
     /// [∂ₙu] at n+1.
