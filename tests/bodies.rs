@@ -1,32 +1,19 @@
 //! Whole structures from case files: bending, fragments, energy, restart of the state.
 
+mod common;
+
+use common::advance;
 use fcm_fsi::bodies::cohesion_law::BROKEN;
-use fcm_fsi::bodies::{Bodies, Break, Load};
-use fcm_fsi::case::{Case, Sources};
-use fcm_fsi::setup::bodies::bodies;
+use fcm_fsi::bodies::{Bodies, Break};
 use partition::Communicator;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 fn start_in(folder: &Path, text: &str) -> Result<Bodies, String> {
-    let sources = Sources {
-        file: "case.toml".into(),
-        folder: folder.into(),
-        text: text.into(),
-        tables: BTreeMap::new(),
-    };
-    let case = Case::new(&sources).map_err(|e| e.to_string())?;
-    let started = bodies(&case, &Communicator::single()).map_err(|e| e.to_string())?;
-    Ok(started.expect("the case has bodies").0)
+    common::start(folder, text, &Communicator::single())
 }
 
 fn start(text: &str) -> Bodies {
     start_in(Path::new("/"), text).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn advance(bodies: &mut Bodies, dt: f64) {
-    let loads = vec![Load::default(); bodies.state.len()];
-    bodies.advance(dt, &loads);
 }
 
 /// Largest force of the stamp on a beam of nine cubes of 0.1 m, 0.6 m between supports.
@@ -383,6 +370,16 @@ friction_angle = 20";
             "density = 2000",
             "density = 2000\nhollow = true",
             "13: body[1].hollow: leaves blocks out of a grid",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\nwalls = ['ground']",
+            "5: bodies.walls[1]: another wall is called \"ground\" too",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\nwalls = ['z_min']",
+            "5: bodies.walls[1]: no boundary or obstacle is called \"z_min\": there is no mesh",
         ),
         ("[[wall]]", "[air]\n[[wall]]", "6: air: has no effect without a mesh"),
     ] {
