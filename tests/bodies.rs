@@ -9,7 +9,7 @@ use partition::Communicator;
 use std::path::Path;
 
 fn start_in(folder: &Path, text: &str) -> Result<Bodies, String> {
-    common::start(folder, text, &Communicator::single())
+    Ok(common::start(folder, text, &Communicator::single())?.0)
 }
 
 fn start(text: &str) -> Bodies {
@@ -258,6 +258,38 @@ fn applied_forces_move_bodies() {
     assert!((bodies.spin(0).z - 0.8 / (8.0 * 0.04 / 6.0)).abs() < 1e-9, "{:?}", bodies.spin(0));
     let account = bodies.account();
     assert!((account.kinetic - account.work).abs() < 1e-3 * account.work, "{account:?}");
+}
+
+/// A point of a led body goes round with it, whichever body of the entry it belongs to.
+#[test]
+fn recorded_points_move_with_their_bodies() {
+    let text = "
+        [time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.05
+        [[body]]
+        name = 'post'
+        box = [0.2, 0.2, 0.2]
+        at = [1, 0, 0]
+        density = 1000
+        led_velocity = ['2 * t', 0, 1]
+        led_spin = [0, 0, 0.5]
+        copies = { count = [2, 1, 1], spacing = [1, 0, 0] }
+        track = [[2.1, 0.1, 0], [1, -0.1, 0.05]]";
+    let (mut bodies, tracked) =
+        common::start(Path::new("/"), text, &Communicator::single()).unwrap();
+    (0..100).for_each(|_| advance(&mut bodies, 0.01));
+    let named: Vec<_> = tracked.iter().map(|p| (&*p.name, p.cluster)).collect();
+    assert_eq!(named, [("post_1", 1), ("post_2", 0)]);
+    let (s, c) = 0.5f64.sin_cos();
+    for (point, centre, arm) in
+        [(&tracked[0], 2.0, [0.1, 0.1, 0.0]), (&tracked[1], 1.0, [0.0, -0.1, 0.05])]
+    {
+        let x = bodies.state.pose[point.cluster as usize].to_space(point.local);
+        let exact = [centre + 1.0 + c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.0 + arm[2]];
+        assert!((x - nalgebra::Vector3::from(exact)).norm() < 1e-6, "{}: {x}", point.name);
+    }
 }
 
 /// A wall that one body feels and another does not; a glued block comes to rest as one.

@@ -10,7 +10,7 @@ use std::path::Path;
 
 fn start(text: &str) -> Bodies {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    common::start(folder, text, &Communicator::single()).unwrap_or_else(|e| panic!("{e}"))
+    common::start(folder, text, &Communicator::single()).unwrap_or_else(|e| panic!("{e}")).0
 }
 
 /// A tank with a step, a pier that stands in it and a sphere in its own shell; balls fly at all of them.
@@ -135,5 +135,63 @@ fn a_ball_rolls_down_terrain_as_down_a_plane() {
             assert!((b / a - 1.0).abs() < 1e-6, "{rest}: {b}, on a plane {a}");
             assert!((y - x).norm() < 1e-6, "{rest}: {y} {x}");
         }
+    }
+}
+
+/// Two materials have a restitution of their own, on walls with a table and without, among bodies too.
+#[test]
+fn pairs_of_materials_have_their_own_contact() {
+    let text = "
+        gravity = [0, 0, 0]
+        [time]
+        end = 1
+        [[obstacle]]
+        name = 'block'
+        cuboid = [20, 2, 2]
+        at = [0, 0, -1]
+        [bodies]
+        sphere_radius = 0.02
+        stiffness = 1e5
+        restitution = 0.7
+        fraction = 0.02
+        walls = ['block']
+        [[wall]]
+        name = 'anvil'
+        plane = { point = [0, 2, 0], normal = [0, -1, 0] }
+        material = 'iron'
+        [[contact]]
+        between = ['iron', 'rubber']
+        restitution = 0.9
+        [[contact]]
+        between = ['rubber', 'rubber']
+        restitution = 0.4
+        [[contact]]
+        between = ['plain', 'rubber']
+        restitution = 0.5
+        ";
+    let ball = |name: &str, material: &str, at: [f64; 3], velocity: [f64; 3]| {
+        format!(
+            "[[body]]\nname = '{name}'\nsphere = 0.05\ndensity = 1000\nmaterial = '{material}'\n\
+             at = {at:?}\nvelocity = {velocity:?}\n"
+        )
+    };
+    let mut bodies = start(
+        &[
+            text.to_string(),
+            // At the anvil, at the block, at each other.
+            ball("a", "rubber", [0.0, 1.9, 1.0], [0.0, 1.0, 0.0]),
+            ball("b", "stone", [1.0, 1.9, 1.0], [0.0, 1.0, 0.0]),
+            ball("c", "rubber", [2.0, 0.0, 0.1], [0.0, 0.0, -1.0]),
+            ball("d", "iron", [3.0, 0.0, 0.1], [0.0, 0.0, -1.0]),
+            ball("e", "rubber", [4.0, 0.0, 0.9], [0.5, 0.0, 0.0]),
+            ball("f", "rubber", [4.2, 0.0, 0.9], [-0.5, 0.0, 0.0]),
+        ]
+        .concat(),
+    );
+    advance(&mut bodies, 0.2);
+    let v = &bodies.state.velocity;
+    let found = [-v[0].y, -v[1].y, v[2].z, v[3].z, v[5].x - v[4].x];
+    for (found, e) in found.into_iter().zip([0.9, 0.7, 0.5, 0.7, 0.4]) {
+        assert!((found - e).abs() < 1e-3, "{found}, not {e}");
     }
 }

@@ -1,6 +1,6 @@
 //! Bodies of case files, for tests on one rank and on many.
 
-use fcm_fsi::bodies::{Bodies, Load};
+use fcm_fsi::bodies::{Bodies, Load, Tracked};
 use fcm_fsi::case::{Case, Sources};
 use fcm_fsi::obstacles::Obstacles;
 use fcm_fsi::setup;
@@ -8,8 +8,12 @@ use partition::Communicator;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The bodies of a case in `folder` at t = 0. Collective.
-pub fn start(folder: &Path, text: &str, comm: &Communicator) -> Result<Bodies, String> {
+/// The bodies of a case in `folder` at t = 0, and the points that are recorded. Collective.
+pub fn start(
+    folder: &Path,
+    text: &str,
+    comm: &Communicator,
+) -> Result<(Bodies, Vec<Tracked>), String> {
     let sources = Sources {
         file: "case.toml".into(),
         folder: folder.into(),
@@ -20,7 +24,7 @@ pub fn start(folder: &Path, text: &str, comm: &Communicator) -> Result<Bodies, S
     let (part, _) = setup::mesh(&case, comm).map_err(|e| e.to_string())?;
     let obstacles = Obstacles::new(&case, &part).map_err(|e| e.to_string())?;
     let started = setup::bodies::bodies(&case, &part, &obstacles.solids(0.0));
-    Ok(started.map_err(|e| e.to_string())?.expect("the case has bodies").0)
+    Ok(started.map_err(|e| e.to_string())?.expect("the case has bodies"))
 }
 
 /// Bodies alone for `dt` [s]. Collective.

@@ -8,7 +8,7 @@ use std::path::Path;
 /// All ranks share the bodies, however few they are.
 fn start(text: &str, comm: &Communicator) -> Bodies {
     let text = text.replace("[bodies]", "[bodies]\nranks = 16");
-    common::start(Path::new("/"), &text, comm).unwrap()
+    common::start(Path::new("/"), &text, comm).unwrap().0
 }
 
 /// Advances both by `steps` steps of `n` sub-steps; `look` after each.
