@@ -7,6 +7,7 @@
 
 use fcm_fsi::bodies::{Bodies, Load};
 use fcm_fsi::case::{Case, Sources};
+use fcm_fsi::mesh::MeshPart;
 use fcm_fsi::setup::bodies::bodies;
 use partition::Communicator;
 use std::collections::BTreeMap;
@@ -15,7 +16,8 @@ fn start(text: String) -> Bodies {
     let sources =
         Sources { file: "case.toml".into(), folder: "/".into(), text, tables: BTreeMap::new() };
     let case = Case::new(&sources).unwrap_or_else(|e| panic!("{e}"));
-    let started = bodies(&case, &Communicator::single()).unwrap_or_else(|e| panic!("{e}"));
+    let started = bodies(&case, &MeshPart::nothing(&Communicator::single()), &[])
+        .unwrap_or_else(|e| panic!("{e}"));
     started.expect("the case has bodies").0
 }
 

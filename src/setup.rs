@@ -1,6 +1,7 @@
 //! Case → this rank's part of the mesh and the initial state.
 
 pub mod bodies;
+mod walls;
 
 use crate::case::nearest::did_you_mean;
 use crate::case::{Case, CaseError, MeshSource};

@@ -173,7 +173,8 @@ impl Simulation {
         let balance = Balance::of(&part);
         let inflow = Inflow::new(&case, &part);
         let obstacles = Obstacles::new(&case, &part)?;
-        let (bodies, tracked) = setup::bodies::bodies(&case, comm)?.unzip();
+        let bodies = setup::bodies::bodies(&case, &part, &obstacles.solids(0.0))?;
+        let (bodies, tracked) = bodies.unzip();
         let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());
         let cut = structures.cut(&part, bodies.as_ref(), 0.0);
         let solid = if structures.move_at_all() { &[][..] } else { &cut.dry_nodes };

@@ -307,6 +307,32 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
         "end = 3.0",
         ":12: boundaries.x_max.wave_maker: in.csv: covers 0 s to 2 s, the run 0 s to 3 s",
     ),
+    // Walls by name.
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"zmin\"]\n[[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: bodies.walls[1]: no boundary or obstacle is called \"zmin\"; did you mean \"z_min\"?",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"z_min\", \"boulder\"]\n[[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n[[obstacle]]\nname = \"bolder\"\nsphere = 0.1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: bodies.walls[2]: no boundary or obstacle is called \"boulder\"; did you mean \"bolder\"?",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"pier\"]\n[[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n[[obstacle]]\nname = \"pier\"\nsphere = 0.1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: bodies.walls[1]: both a boundary and an obstacle are called \"pier\"",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"z_min\", \"z_min\"]\n[[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n\n[[gauge]]\nname = \"H1\"",
+        ":42: bodies.walls[2]: another wall is called \"z_min\" too",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"gate\"]\n[[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n[[obstacle]]\nname = \"gate\"\nsphere = 0.1\nvelocity = [1, 0, 0]\n\n[[gauge]]\nname = \"H1\"",
+        ":42: bodies.walls[1]: \"gate\" moves, walls do not: lead a [[body]] in its place",
+    ),
 ];
 
 /// What a table holds instead, and what the program then says after the place of its column.
@@ -389,6 +415,12 @@ const BAD_WITH_MESH: &[(&str, &str, &str)] = &[
         "[boundaries]",
         "jitter = 0.1\n[boundaries]",
         ":3: mesh.jitter: moves the nodes of a box only",
+    ),
+    (
+        "[boundaries]",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"wal\"]\n\
+         [[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n[boundaries]",
+        ":5: bodies.walls[1]: the mesh has no boundary of this name; did you mean \"wall\"?",
     ),
 ];
 

@@ -1,32 +1,19 @@
 //! Whole structures from case files: bending, fragments, energy, restart of the state.
 
+mod common;
+
+use common::advance;
 use fcm_fsi::bodies::cohesion_law::BROKEN;
-use fcm_fsi::bodies::{Bodies, Break, Load};
-use fcm_fsi::case::{Case, Sources};
-use fcm_fsi::setup::bodies::bodies;
+use fcm_fsi::bodies::{Bodies, Break};
 use partition::Communicator;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 fn start_in(folder: &Path, text: &str) -> Result<Bodies, String> {
-    let sources = Sources {
-        file: "case.toml".into(),
-        folder: folder.into(),
-        text: text.into(),
-        tables: BTreeMap::new(),
-    };
-    let case = Case::new(&sources).map_err(|e| e.to_string())?;
-    let started = bodies(&case, &Communicator::single()).map_err(|e| e.to_string())?;
-    Ok(started.expect("the case has bodies").0)
+    Ok(common::start(folder, text, &Communicator::single())?.0)
 }
 
 fn start(text: &str) -> Bodies {
     start_in(Path::new("/"), text).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn advance(bodies: &mut Bodies, dt: f64) {
-    let loads = vec![Load::default(); bodies.state.len()];
-    bodies.advance(dt, &loads);
 }
 
 /// Largest force of the stamp on a beam of nine cubes of 0.1 m, 0.6 m between supports.
@@ -273,6 +260,38 @@ fn applied_forces_move_bodies() {
     assert!((account.kinetic - account.work).abs() < 1e-3 * account.work, "{account:?}");
 }
 
+/// A point of a led body goes round with it, whichever body of the entry it belongs to.
+#[test]
+fn recorded_points_move_with_their_bodies() {
+    let text = "
+        [time]
+        end = 1
+        [bodies]
+        sphere_radius = 0.05
+        [[body]]
+        name = 'post'
+        box = [0.2, 0.2, 0.2]
+        at = [1, 0, 0]
+        density = 1000
+        led_velocity = ['2 * t', 0, 1]
+        led_spin = [0, 0, 0.5]
+        copies = { count = [2, 1, 1], spacing = [1, 0, 0] }
+        track = [[2.1, 0.1, 0], [1, -0.1, 0.05]]";
+    let (mut bodies, tracked) =
+        common::start(Path::new("/"), text, &Communicator::single()).unwrap();
+    (0..100).for_each(|_| advance(&mut bodies, 0.01));
+    let named: Vec<_> = tracked.iter().map(|p| (&*p.name, p.cluster)).collect();
+    assert_eq!(named, [("post_1", 1), ("post_2", 0)]);
+    let (s, c) = 0.5f64.sin_cos();
+    for (point, centre, arm) in
+        [(&tracked[0], 2.0, [0.1, 0.1, 0.0]), (&tracked[1], 1.0, [0.0, -0.1, 0.05])]
+    {
+        let x = bodies.state.pose[point.cluster as usize].to_space(point.local);
+        let exact = [centre + 1.0 + c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.0 + arm[2]];
+        assert!((x - nalgebra::Vector3::from(exact)).norm() < 1e-6, "{}: {x}", point.name);
+    }
+}
+
 /// A wall that one body feels and another does not; a glued block comes to rest as one.
 #[test]
 fn blocks_come_to_rest_on_the_walls_they_feel() {
@@ -383,6 +402,16 @@ friction_angle = 20";
             "density = 2000",
             "density = 2000\nhollow = true",
             "13: body[1].hollow: leaves blocks out of a grid",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\nwalls = ['ground']",
+            "5: bodies.walls[1]: another wall is called \"ground\" too",
+        ),
+        (
+            "sphere_radius = 0.02",
+            "sphere_radius = 0.02\nwalls = ['z_min']",
+            "5: bodies.walls[1]: no boundary or obstacle is called \"z_min\": there is no mesh",
         ),
         ("[[wall]]", "[air]\n[[wall]]", "6: air: has no effect without a mesh"),
     ] {

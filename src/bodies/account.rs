@@ -1,4 +1,6 @@
-//! Where the energy is, and where it went.
+//! Where the energy is, and where it went; momentum.
+
+use nalgebra::Vector3;
 
 /// Energies [J]: what is there now, and what has been taken or given since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,4 +55,13 @@ impl Account {
         let [kinetic, potential, contact, bonds, fracture, dashpots, friction, work] = a;
         Self { kinetic, potential, contact, bonds, fracture, dashpots, friction, work }
     }
+}
+
+/// Momentum of all free clusters.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Momentum {
+    /// [kg m/s]
+    pub linear: Vector3<f64>,
+    /// About the origin of space [kg m²/s].
+    pub angular: Vector3<f64>,
 }

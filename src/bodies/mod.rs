@@ -38,7 +38,7 @@ pub mod time_step;
 pub mod touching;
 pub mod walls;
 
-pub use account::Account;
+pub use account::{Account, Momentum};
 pub use cluster::{Cluster, Form, Motion, State, Tracked};
 pub use cohesion::{Break, Joints};
 pub use contact::World;

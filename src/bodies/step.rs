@@ -1,6 +1,6 @@
 //! All clusters, and their sub-cycle to the end of a flow step.
 
-use super::account::Account;
+use super::account::{Account, Momentum};
 use super::cluster::{Inertia, Motion, State};
 use super::cohesion::{Break, Joints};
 use super::contact::{self, Twist, World};
@@ -404,6 +404,22 @@ impl Bodies {
         account.bonds = stored;
         account.fracture += spent;
         Account::from_array(self.ranks.sum(account.to_array()))
+    }
+
+    /// Momentum of all free clusters. Collective.
+    pub fn momentum(&self) -> Momentum {
+        let mut sums = [0.0; 8];
+        for &c in self.ranks.owned() {
+            let c = c as usize;
+            if self.world.clusters[c].is_free() {
+                let p = self.world.clusters[c].mass * self.state.velocity[c];
+                let l = self.state.pose[c].position.cross(&p) + self.state.angular_momentum[c];
+                (0..3).for_each(|k| sums[k] += p[k]);
+                (0..3).for_each(|k| sums[3 + k] += l[k]);
+            }
+        }
+        let [px, py, pz, lx, ly, lz, ..] = self.ranks.sum(sums);
+        Momentum { linear: [px, py, pz].into(), angular: [lx, ly, lz].into() }
     }
 
     /// Pairs of spheres, and spheres and walls, that this rank looks at in a sub-step.

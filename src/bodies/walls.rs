@@ -1,5 +1,6 @@
 //! What clusters bump into and cannot move: planes, terrain, the walls of a tank.
 
+use crate::shape::{Pose, Shape};
 use nalgebra::Vector3;
 use parry3d_f64::math::Vec3;
 use parry3d_f64::query::PointQuery;
@@ -27,8 +28,17 @@ pub enum WallSurface {
         /// [m]
         offset: f64,
     },
-    /// Triangles, open or closed; clusters are outside.
+    /// Triangles, open or closed; clusters are on either side.
     Triangles(Arc<TriMesh>),
+    /// A closed solid.
+    Solid {
+        /// In its own frame.
+        shape: Shape,
+        /// Where it stands.
+        pose: Pose,
+        /// Clusters are inside the shape.
+        outside_in: bool,
+    },
 }
 
 impl WallSurface {
@@ -53,6 +63,14 @@ impl WallSurface {
                 let distance = away.norm();
                 let normal = if distance > 0.0 { away / distance } else { Vector3::z() };
                 (distance, normal)
+            }
+            Self::Solid { shape, pose, outside_in } => {
+                let local = pose.to_local(x);
+                let (distance, near) = shape.nearest(local);
+                let (side, away) = (if *outside_in { -1.0 } else { 1.0 }, local - near);
+                let normal =
+                    if distance == 0.0 { Vector3::z() } else { pose.rotation * away / distance };
+                (side * distance, side * normal)
             }
         }
     }

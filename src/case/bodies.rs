@@ -219,6 +219,13 @@ pub struct Wall {
     pub surface: WallShape,
 }
 
+impl Wall {
+    /// Whether it is a boundary or an obstacle.
+    pub fn has_no_table(&self) -> bool {
+        matches!(self.surface, WallShape::Boundary | WallShape::Obstacle(_))
+    }
+}
+
 /// The surface of a wall.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WallShape {
@@ -231,4 +238,8 @@ pub enum WallShape {
     },
     /// STL or OBJ.
     File(PathBuf),
+    /// The boundary of the mesh that has the wall's name.
+    Boundary,
+    /// An obstacle: an index into the case's.
+    Obstacle(usize),
 }

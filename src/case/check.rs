@@ -58,7 +58,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     let output = output(&mut file, &mesh, time.end)?;
     let gauges = (0..file.gauge.len()).map(|i| gauge(i, &file));
     let gauges = gauges.collect::<Result<_, _>>()?;
-    let bodies = bodies::check(&mut file, paper, &reader, &sources.folder)?;
+    let bodies = bodies::check(&mut file, paper, &reader, &sources.folder, &mesh, &obstacles)?;
     for (i, body) in (1..).zip(&file.body) {
         if obstacles.iter().any(|o| o.name == body.name) {
             let message = format!("an obstacle is called \"{}\" too", body.name);

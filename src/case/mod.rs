@@ -156,6 +156,13 @@ pub struct Obstacle {
     pub spin: Option<[Formula; 3]>,
 }
 
+impl Obstacle {
+    /// Whether it is told to move.
+    pub fn is_led(&self) -> bool {
+        [&self.displacement, &self.rotation, &self.velocity, &self.spin].iter().any(|f| f.is_some())
+    }
+}
+
 /// The shape of an obstacle.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Solid {

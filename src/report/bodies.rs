@@ -1,4 +1,4 @@
-//! The files of bodies: `bodies.vtkhdf` (their surfaces), `bodies.csv` (energies, recorded points), `bonds.csv` (every
+//! The files of bodies: `bodies.vtkhdf` (their surfaces), `bodies.csv` (energies, momentum, recorded points), `bonds.csv` (every
 //! face that came off) and `left.csv` (every body that left the mesh).
 
 use super::output::Schedule;
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use std::path::Path;
 
 /// Columns of bodies.csv before those of recorded points.
-const COLUMNS: [(&str, &str); 13] = [
+const COLUMNS: [(&str, &str); 19] = [
     ("t", "s"),
     ("kinetic", "J"),
     ("potential", "J"),
@@ -24,6 +24,12 @@ const COLUMNS: [(&str, &str); 13] = [
     ("broken_faces", ""),
     ("broken_area", "m2"),
     ("deepest_overlap", ""),
+    ("momentum_x", "kg m/s"),
+    ("momentum_y", "kg m/s"),
+    ("momentum_z", "kg m/s"),
+    ("angular_momentum_x", "kg m2/s"),
+    ("angular_momentum_y", "kg m2/s"),
+    ("angular_momentum_z", "kg m2/s"),
 ];
 
 /// Columns of bonds.csv.
@@ -225,6 +231,8 @@ impl BodiesOutput {
         row.push(account.total());
         row.extend(&values[..2]);
         row.push(bodies.ranks.comm().max(bodies.deepest()));
+        let momentum = bodies.momentum();
+        row.extend(momentum.linear.iter().chain(&momentum.angular));
         row.extend(&values[2..]);
         let written = self.table.as_mut().map_or(Ok(()), |table| table.row(&row));
         Error::agree(bodies.ranks.comm(), written)
@@ -249,6 +257,12 @@ pub fn plan(bodies: &Bodies, end: f64) -> String {
         steps * spheres as f64,
         steps * (spheres as f64 / SPHERE_STEPS + points as f64 / POINT_STEPS),
     )
+}
+
+/// The sub-step, as a run tells it.
+pub fn sub_step(bodies: &Bodies) -> String {
+    let (step, limit) = (bodies.time_step(), bodies.limit());
+    format!("bodies: sub-steps of {step:.3e} s; the longest stable one is {limit:.3e} s")
 }
 
 /// Sphere-steps and point-steps of bonds a second of one core, roughly.

@@ -1,14 +1,15 @@
-//! Case → bodies: shapes, grids of blocks, fragments, glue, walls.
+//! Case → bodies: shapes, grids of blocks, fragments, glue.
 
-use super::SetupError;
+use super::{SetupError, walls};
 use crate::bodies::cohesion_law::Law;
 use crate::bodies::material::{Contact, Materials};
-use crate::bodies::walls::{Wall, WallSurface};
 use crate::bodies::{
     Bodies, Cluster, Form, Joints, Motion, Ownership, Settings, State, Tracked, World, touching,
 };
-use crate::case::bodies::{self as case, BodyMotion, BodyShape, ContactLaw, Pieces, WallShape};
+use crate::case::bodies::{self as case, BodyMotion, BodyShape, ContactLaw, Pieces};
 use crate::case::{Case, CaseError};
+use crate::cut::level_set::Solid;
+use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape, Surface, fragment};
 use io::surface::SurfaceFile;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -16,16 +17,18 @@ use partition::Communicator;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The bodies of a case at t = 0, settled, and the points that are recorded. Collective.
+/// The bodies of a case at t = 0, settled, and the points that are recorded. `solids`: its obstacles. Collective.
 ///
 /// # Errors
 /// A surface that is open or cannot be read, spheres that do not fit, a sub-step that is too long: with
 /// file, line and key.
 pub fn bodies(
     case: &Case,
-    comm: &Communicator,
+    part: &MeshPart,
+    solids: &[Solid],
 ) -> Result<Option<(Bodies, Vec<Tracked>)>, SetupError> {
     let Some(asked) = &case.bodies else { return Ok(None) };
+    let comm = &part.comm;
     let law = |c: &ContactLaw| Contact {
         stiffness: c.stiffness,
         restitution: c.restitution,
@@ -38,7 +41,7 @@ pub fn bodies(
     }
     let mut world = World {
         clusters: Vec::new(),
-        walls: walls(case, asked, comm)?,
+        walls: walls::walls(case, asked, part, solids)?,
         materials,
         gravity: case.gravity.into(),
         ignored: Vec::new(),
@@ -118,7 +121,7 @@ pub fn bodies(
 }
 
 /// A surface of a file, read by one rank.
-fn surface(
+pub(super) fn surface(
     case: &Case,
     key: &str,
     path: &Path,
@@ -134,26 +137,6 @@ fn surface(
         vertices: comm.broadcast(0, read.vertices),
         triangles: comm.broadcast(0, read.triangles),
     })
-}
-
-fn walls(case: &Case, asked: &case::Bodies, comm: &Communicator) -> Result<Vec<Wall>, SetupError> {
-    let mut walls = Vec::new();
-    for (i, wall) in asked.walls.iter().enumerate() {
-        let key = format!("wall[{}].file", i + 1);
-        let surface = match &wall.surface {
-            WallShape::Plane { point, normal } => {
-                let normal = Vector3::from(*normal);
-                WallSurface::Plane { normal, offset: normal.dot(&Vector3::from(*point)) }
-            }
-            WallShape::File(path) => {
-                let file = surface(case, &key, path, comm)?;
-                WallSurface::triangles(&file.vertices, &file.triangles)
-                    .map_err(|message| case.source.error(&key, message))?
-            }
-        };
-        walls.push(Wall { name: wall.name.clone(), material: wall.material, surface });
-    }
-    Ok(walls)
 }
 
 /// Forms and poses of an entry's clusters, copies of one form sharing it.

@@ -4,7 +4,7 @@ use super::{RunError, Simulation, StepReport};
 use crate::case::MeshSource;
 use crate::coupling::thickness::Thin;
 use crate::fem::courant_rate;
-use crate::report::bodies::BodiesOutput;
+use crate::report::bodies::{BodiesOutput, sub_step};
 use crate::report::energy::EnergyOutput;
 use crate::report::output::{Output, Schedule, Snapshot};
 use crate::report::progress::{Line, Progress};
@@ -60,6 +60,9 @@ impl Simulation {
         let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
         for thin in self.thin_structures() {
             progress.tell(&thin);
+        }
+        if let Some(bodies) = &self.bodies {
+            progress.tell(&sub_step(bodies));
         }
         let begun = self.clock.step;
         let mut flow_iterations = 0;

@@ -1,18 +1,14 @@
 //! Bodies move, break and cross borders alike on any number of ranks: the same bits.
 
-use fcm_fsi::bodies::{Bodies, Load};
-use fcm_fsi::case::{Case, Sources};
-use fcm_fsi::setup::bodies::bodies;
+use crate::common::{self, advance};
+use fcm_fsi::bodies::Bodies;
 use partition::Communicator;
-use std::collections::BTreeMap;
+use std::path::Path;
 
 /// All ranks share the bodies, however few they are.
 fn start(text: &str, comm: &Communicator) -> Bodies {
     let text = text.replace("[bodies]", "[bodies]\nranks = 16");
-    let sources =
-        Sources { file: "case.toml".into(), folder: "/".into(), text, tables: BTreeMap::new() };
-    let case = Case::new(&sources).unwrap();
-    bodies(&case, comm).unwrap().expect("the case has bodies").0
+    common::start(Path::new("/"), &text, comm).unwrap().0
 }
 
 /// Advances both by `steps` steps of `n` sub-steps; `look` after each.
@@ -25,11 +21,10 @@ fn side_by_side(
 ) -> (Bodies, Bodies) {
     let mut alone = start(text, &Communicator::single());
     let mut shared = start(text, comm);
-    let loads = vec![Load::default(); alone.state.len()];
     let dt = n * alone.time_step();
     for _ in 0..steps {
-        alone.advance(dt, &loads);
-        shared.advance(dt, &loads);
+        advance(&mut alone, dt);
+        advance(&mut shared, dt);
         look(&alone, &shared);
     }
     (alone, shared)
@@ -135,4 +130,47 @@ pub fn loose_bodies_cross_borders(comm: &Communicator) {
     // They have gone far from where they were shared out at first.
     let most = comm.max(shared.ranks.owned().len() as f64);
     assert!(most <= 1.6 * alone.state.len() as f64 / comm.size() as f64, "one rank has {most}");
+}
+
+/// Blocks and balls fall onto a step in a tank: its walls, spread over the ranks, are boundaries of the mesh.
+pub fn bodies_fall_on_boundaries(comm: &Communicator) {
+    let text = "
+        [mesh]
+        box = { x = [0, 2], y = [0, 1], z = [0, 1], cells = [8, 4, 4] }
+        holes = [{ name = 'step', x = [0.5, 1], y = [0.25, 0.75], z = [0, 0.25] }]
+        [boundaries]
+        default = 'slip'
+        [time]
+        end = 1
+        [[obstacle]]
+        name = 'pier'
+        cylinder = [0.2, 1]
+        at = [1.5, 0.4, 0.5]
+        [bodies]
+        sphere_radius = 0.03
+        stiffness = 1e6
+        walls = ['z_min', 'x_min', 'x_max', 'y_min', 'y_max', 'step', 'pier']
+        [[body]]
+        name = 'blocks'
+        box = [0.2, 0.15, 0.12]
+        at = [0.3, 0.3, 0.4]
+        rotate = [20, 30, 10]
+        density = 2000
+        copies = { count = [5, 2, 2], spacing = [0.31, 0.33, 0.24] }
+        [[body]]
+        name = 'balls'
+        sphere = 0.05
+        at = [0.2, 0.2, 0.8]
+        velocity = [1, 0, 0]
+        density = 2000
+        copies = { count = [12, 5, 1], spacing = [0.12, 0.13, 0] }";
+    let (alone, _) = side_by_side(text, comm, 40, 100.0, |a, s| assert_alike(a, s, comm));
+    let (e, inside) = (alone.account(), |x: f64, end: f64| (-0.01..end + 0.01).contains(&x));
+    assert!(e.friction > 0.0 && e.dashpots > 0.0, "{e:?}");
+    for pose in &alone.state.pose {
+        let x = pose.position;
+        assert!(inside(x.x, 2.0) && inside(x.y, 1.0) && x.z > 0.0, "{x}");
+        let in_step = inside(x.x - 0.5, 0.5) && inside(x.y - 0.25, 0.5) && x.z < 0.25;
+        assert!(!in_step && (x.x - 1.5).hypot(x.y - 0.4) > 0.2, "{x}");
+    }
 }

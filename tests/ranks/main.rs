@@ -6,6 +6,8 @@
 //! panic on one rank must end all of them.
 
 mod bodies;
+#[path = "../common/mod.rs"]
+mod common;
 mod communication;
 mod coupling;
 mod gauges;
@@ -52,6 +54,7 @@ const BODIES: &[(&str, Body)] = &[
     ("same_iterations_on_any_ranks", simulation::same_iterations_on_any_ranks),
     ("a_wall_breaks_alike", bodies::a_wall_breaks_alike),
     ("loose_bodies_cross_borders", bodies::loose_bodies_cross_borders),
+    ("bodies_fall_on_boundaries", bodies::bodies_fall_on_boundaries),
     ("boxes_in_a_wave", coupling::boxes_in_a_wave),
     ("a_wall_in_a_wave_breaks_alike", coupling::a_wall_in_a_wave_breaks_alike),
     ("loose_nodes_are_refused", parts::loose_nodes_are_refused),

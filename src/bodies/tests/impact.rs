@@ -47,8 +47,15 @@ fn a_sphere_bounces_by_the_formula() {
         let mut ball = scene.start();
         let (mut deepest, mut up) = (0.0f64, false);
         let mut heights = Vec::new();
+        // When it came down to the floor and left it, first.
+        let (mut times, mut above) = (Vec::new(), 0.4);
         while heights.len() < 3 && ball.t < 3.0 {
             advance(&mut ball, h);
+            let height = ball.state.pose[c].position.z - 0.1;
+            if (height > 0.0) != (above > 0.0) {
+                times.push(ball.t - h * height / (height - above));
+            }
+            above = height;
             deepest = deepest.max(0.1 - ball.state.pose[c].position.z);
             let now = ball.state.velocity[c].z > 0.0;
             if up && !now && ball.state.pose[c].position.z > 0.1 {
@@ -56,6 +63,8 @@ fn a_sphere_bounces_by_the_formula() {
             }
             up = now;
         }
+        let ((_, wanted), lasted) = (exact(5e6, mass, e, 2.8, 9.81), times[1] - times[0]);
+        assert!((lasted / wanted - 1.0).abs() < 5e-3, "e {e}: {lasted} s, not {wanted}");
         let mut fall: f64 = 0.4;
         for found in heights {
             let (ratio, _) = exact(5e6, mass, e, (2.0 * 9.81 * fall).sqrt(), 9.81);

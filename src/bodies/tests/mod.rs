@@ -94,14 +94,3 @@ fn advance(bodies: &mut Bodies, dt: f64) {
     let loads = vec![Load::default(); bodies.state.len()];
     bodies.advance(dt, &loads);
 }
-
-/// Linear and angular momentum about the origin.
-fn momentum(bodies: &Bodies) -> (V3, V3) {
-    let mut sums = (V3::zeros(), V3::zeros());
-    for (c, cluster) in bodies.world.clusters.iter().enumerate().filter(|c| c.1.is_free()) {
-        let p = cluster.mass * bodies.state.velocity[c];
-        sums.0 += p;
-        sums.1 += bodies.state.pose[c].position.cross(&p) + bodies.state.angular_momentum[c];
-    }
-    sums
-}

@@ -9,6 +9,8 @@ use super::super::file::bodies::{BodyTable, Freedom, WallTable};
 use super::super::file::{CaseFile, Condition, Expression};
 use super::super::formula::Formula;
 use super::super::nearest::did_you_mean;
+use super::super::{MeshSource, Obstacle};
+use super::block;
 use super::values::{
     Reader, at_least_one, between, finite_vector, not_negative, positive, refuse, share,
 };
@@ -23,6 +25,8 @@ pub fn check(
     paper: bool,
     reader: &Reader,
     folder: &Path,
+    mesh: &MeshSource,
+    obstacles: &[Obstacle],
 ) -> Result<Option<Bodies>, Problem> {
     let Some(table) = &mut file.bodies else {
         for (key, there) in [
@@ -84,6 +88,11 @@ pub fn check(
     };
     for (i, typed) in file.wall.iter().enumerate() {
         let wall = wall(&format!("wall[{}]", i + 1), typed, &mut bodies, folder)?;
+        bodies.walls.push(wall);
+    }
+    for (i, name) in table.walls.iter().enumerate() {
+        let key = format!("bodies.walls[{}]", i + 1);
+        let wall = named_wall(&key, name, &bodies.walls, mesh, obstacles)?;
         bodies.walls.push(wall);
     }
     for (i, typed) in file.body.iter().enumerate() {
@@ -172,6 +181,48 @@ fn wall(key: &str, typed: &WallTable, bodies: &mut Bodies, folder: &Path) -> Res
         _ => return refuse(key, "needs one of plane, file"),
     };
     Ok(Wall { name, material: material(bodies, typed.material.as_ref()), surface })
+}
+
+/// A boundary or an obstacle as a wall. Names of a mesh's file are looked up when it has been read.
+fn named_wall(
+    key: &str,
+    name: &str,
+    walls: &[Wall],
+    mesh: &MeshSource,
+    obstacles: &[Obstacle],
+) -> Result<Wall, Problem> {
+    if walls.iter().any(|wall| wall.name == name) {
+        return refuse(key, format!("another wall is called \"{name}\" too"));
+    }
+    let boundaries = match mesh {
+        MeshSource::Box(block) => block::boundary_names(block),
+        MeshSource::Gmsh(_) => vec![name],
+        MeshSource::Nothing => Vec::new(),
+    };
+    let surface = match obstacles.iter().position(|o| o.name == name) {
+        Some(_) if matches!(mesh, MeshSource::Box(_)) && boundaries.contains(&name) => {
+            return refuse(key, format!("both a boundary and an obstacle are called \"{name}\""));
+        }
+        Some(i) if obstacles[i].is_led() => {
+            return refuse(
+                key,
+                format!("\"{name}\" moves, walls do not: lead a [[body]] in its place"),
+            );
+        }
+        Some(i) => WallShape::Obstacle(i),
+        None if boundaries.contains(&name) => WallShape::Boundary,
+        None => {
+            let others = obstacles.iter().map(|o| &*o.name);
+            let names: Vec<&str> = boundaries.into_iter().chain(others).collect();
+            let hint = match names[..] {
+                [] => ": there is no mesh".into(),
+                _ => format!("; {}", did_you_mean(name, &names, "names")),
+            };
+            let message = format!("no boundary or obstacle is called \"{name}\"{hint}");
+            return refuse(key, message);
+        }
+    };
+    Ok(Wall { name: name.into(), material: 0, surface })
 }
 
 fn body(

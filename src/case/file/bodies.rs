@@ -49,6 +49,10 @@ pub struct BodiesTable {
     /// The fluid slides along the bodies instead of sticking to them.
     #[serde(default)]
     pub slip: bool,
+    /// Boundaries of the mesh and obstacles that bodies bump into, by their names; they are walls like those of
+    /// [[wall]]. A flat boundary with the whole mesh on one side goes on beyond the mesh.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<String>,
     /// What glues bonded bodies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bond: Option<BondTable>,
