@@ -295,6 +295,21 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
         "[[obstacle]]\nname = \"ball\"\nsphere = 0.2\nat = [1, 0.5, 0.9]\n\n[[gauge]]\nname = \"P1\"\non = \"ball\"",
         ":52: gauge[2].pressure: (1, 0.5, 0.1) is 0.6000 m away from the surface of what it is on",
     ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.1\n\n[[body]]\nname = \"rock\"\ndensity = 2000\n\n[[gauge]]\nname = \"H1\"",
+        ":43: body[1]: needs one of box, sphere, cylinder, points, file",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.1\n\n[[body]]\nname = \"rock\"\ndensity = 2000\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n\n[[gauge]]\nname = \"H1\"",
+        ":46: body[1].points: needs at least 4, has 3",
+    ),
+    (
+        "[[gauge]]\nname = \"H1\"",
+        "[bodies]\nsphere_radius = 0.1\n\n[[body]]\nname = \"rock\"\ndensity = 2000\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]\n\n[[gauge]]\nname = \"H1\"",
+        ":46: body[1].points: it encloses no volume",
+    ),
     // Tables.
     ("in.csv", "out.csv", ":12: boundaries.x_max.wave_maker: out.csv: no such file"),
     (

@@ -1,5 +1,6 @@
 //! Whole structures from case files: bending, fragments, energy, restart of the state.
 
+#[path = "common/bodies.rs"]
 mod common;
 
 use common::advance;
@@ -14,6 +15,35 @@ fn start_in(folder: &Path, text: &str) -> Result<Bodies, String> {
 
 fn start(text: &str) -> Bodies {
     start_in(Path::new("/"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Corners of a block are a block, wherever their origin is: the same mass and moments, at the same place.
+#[test]
+fn a_body_of_points_is_the_body_between_them() {
+    let corners = "[[1, 0, 0], [1.4, 0, 0], [1, 0.2, 0], [1.4, 0.2, 0], [1, 0, 0.3], [1.4, 0, 0.3], [1, 0.2, 0.3], \
+                   [1.4, 0.2, 0.3], [1.2, 0.1, 0.1]]";
+    let with = |shape: &str| {
+        start(&format!(
+            "[time]
+            end = 1
+            [bodies]
+            sphere_radius = 0.05
+            [[body]]
+            name = 'rock'
+            {shape}
+            density = 2000"
+        ))
+    };
+    let block = with("box = [0.4, 0.2, 0.3]\nat = [1.7, 0.1, 0.15]");
+    let rock = with(&format!("points = {corners}\nat = [0.5, 0, 0]"));
+    let [a, b] = [&block, &rock].map(|bodies| &bodies.world.clusters[0]);
+    assert!((a.mass - 48.0).abs() < 1e-9 && (b.mass - 48.0).abs() < 1e-9, "{} {}", a.mass, b.mass);
+    let mut moments = [a, b].map(|c| <[f64; 3]>::from(c.moments));
+    moments.iter_mut().for_each(|m| m.sort_by(f64::total_cmp));
+    (0..3).for_each(|k| assert!((moments[0][k] - moments[1][k]).abs() < 1e-9, "{moments:?}"));
+    let places = [&block, &rock].map(|bodies| bodies.state.pose[0].position);
+    assert!((places[0] - places[1]).norm() < 1e-9, "{places:?}");
+    assert!(b.form.spheres.len() >= 8, "{}", b.form.spheres.len());
 }
 
 /// Largest force of the stamp on a beam of nine cubes of 0.1 m, 0.6 m between supports.
@@ -354,7 +384,11 @@ between = ['stone', 'stone']
 friction_angle = 20";
     assert!(start_in(Path::new("/"), good).is_ok());
     for (from, to, said) in [
-        ("box = [0.1, 0.1, 0.1]", "", "9: body[1]: needs one of box, sphere, cylinder, file"),
+        (
+            "box = [0.1, 0.1, 0.1]",
+            "",
+            "9: body[1]: needs one of box, sphere, cylinder, points, file",
+        ),
         ("box =", "bxo =", "11: body[1].bxo: unknown key; did you mean \"box\"?"),
         ("density = 2000", "", "9: body[1]: the key \"density\" is missing"),
         ("density = 2000", "density = 0", "12: body[1].density: must be greater than 0, is 0"),

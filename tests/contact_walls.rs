@@ -1,5 +1,6 @@
 //! Boundaries of the mesh and obstacles as walls of bodies, against exact results.
 
+#[path = "common/bodies.rs"]
 mod common;
 
 use common::advance;

@@ -1,20 +1,15 @@
 //! Bodies and water together, against exact solutions.
 
-use fcm_fsi::case::{Case, Sources};
+#[path = "common/simulation.rs"]
+mod common;
+
+use common::simulation;
 use fcm_fsi::coupling::hidden::Hidden;
 use fcm_fsi::report::energy::Energy;
 use fcm_fsi::shape::Bounds;
 use fcm_fsi::simulation::{Options, Simulation};
 use nalgebra::Vector3;
-use partition::Communicator;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
-
-fn start(text: String) -> Simulation {
-    let (file, tables) = ("case.toml".into(), BTreeMap::new());
-    let case = Case::new(&Sources { file, folder: PathBuf::from("/"), text, tables }).unwrap();
-    Simulation::new(case, &Communicator::single()).unwrap()
-}
 
 /// Velocity along x of the first body over the last step [m/s].
 fn speed(run: &Simulation) -> f64 {
@@ -27,7 +22,7 @@ fn speed(run: &Simulation) -> f64 {
 fn a_piston_pushes_its_column() {
     let (force, dt, column) = (100.0, 1e-3, 1000.0 * 0.04 * 0.85);
     for mass in [34.0, 0.34] {
-        let mut run = start(format!(
+        let mut run = simulation(&format!(
             "gravity = [0, 0, 0]\n\
              [mesh]\nbox = {{ x = [0, 1], y = [0, 0.2], z = [0, 0.2], cells = [20, 4, 4] }}\n\
              [boundaries]\ndefault = \"slip\"\nx_max = \"open\"\n\
@@ -63,7 +58,7 @@ fn a_piston_pushes_its_column() {
 #[test]
 fn a_block_on_the_bottom_has_buoyancy() {
     for (y, share) in [(0.45, 1.0), (0.0, 0.5)] {
-        let mut run = start(format!(
+        let mut run = simulation(&format!(
             "[mesh]\nbox = {{ x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }}\n\
              [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
              [time]\nend = 1\nstep = 0.01\n\
@@ -103,7 +98,7 @@ fn a_block_on_the_bottom_has_buoyancy() {
 /// around the two bodies of a box that is open on all sides.
 #[test]
 fn momentum_taken_from_the_water_is_given_to_bodies() {
-    let mut run = start(
+    let mut run = simulation(
         "gravity = [0, 0, 0]\n\
          [mesh]\nbox = { x = [0, 1], y = [0, 1], z = [0, 1], cells = [10, 10, 10] }\njitter = 0.1\n\
          [boundaries]\ndefault = \"open\"\n\
@@ -114,8 +109,7 @@ fn momentum_taken_from_the_water_is_given_to_bodies() {
          [[body]]\nname = \"ball\"\nsphere = 0.16\nat = [0.33, 0.4, 0.45]\ndensity = 500\n\
          force = [30, 10, -20]\n\
          [[body]]\nname = \"box\"\nbox = [0.2, 0.24, 0.3]\nat = [0.7, 0.6, 0.52]\nrotate = [20, 30, 40]\n\
-         density = 2000\ntorque = [5, -4, 3]\n"
-            .into(),
+         density = 2000\ntorque = [5, -4, 3]\n",
     );
     for _ in 0..5 {
         run.step(0.01).unwrap();
@@ -136,7 +130,7 @@ fn momentum_taken_from_the_water_is_given_to_bodies() {
 
 /// The energies of fluids and bodies and all that went, after some steps of a small coupled run.
 fn ledger(text: &str, steps: u32, dt: f64) -> Vec<Energy> {
-    let mut run = start(text.into());
+    let mut run = simulation(text);
     let energy = |run: &Simulation| run.energy.as_ref().expect("asked for").energy;
     let mut lines = vec![energy(&run)];
     for _ in 0..steps {
@@ -195,7 +189,7 @@ fn a_vortex_loses_its_energy_to_viscosity() {
 /// come to rest on each other.
 #[test]
 fn water_between_bodies_that_meet_is_pressed_out() {
-    let mut run = start(
+    let mut run = simulation(
         "[mesh]\nbox = { x = [0, 1], y = [0, 1], z = [0, 0.9], cells = [10, 10, 12] }\n\
          [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
          [initial]\nwater = \"z < 0.7\"\n[air]\n\
@@ -203,8 +197,7 @@ fn water_between_bodies_that_meet_is_pressed_out() {
          [bodies]\nsphere_radius = 0.05\nsettle = 0.05\nstiffness = 1e6\n\
          [[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
          [[body]]\nname = \"lower\"\nbox = [0.5, 0.5, 0.2]\nat = [0.5, 0.5, 0.1]\ndensity = 2500\n\
-         [[body]]\nname = \"upper\"\nbox = [0.5, 0.5, 0.2]\nat = [0.52, 0.49, 0.42]\ndensity = 2500\n"
-            .into(),
+         [[body]]\nname = \"upper\"\nbox = [0.5, 0.5, 0.2]\nat = [0.52, 0.49, 0.42]\ndensity = 2500\n",
     );
     let (mut fastest, mut quickest) = (0.0_f64, 0.0_f64);
     let mut volumes = Vec::new();
@@ -232,7 +225,7 @@ fn water_between_bodies_that_meet_is_pressed_out() {
 
 /// Ball in a tank, of this density, coupled as asked for.
 fn ball(density: f64, coupling: &str) -> Simulation {
-    start(format!(
+    simulation(&format!(
         "[mesh]\nbox = {{ x = [0, 1], y = [0, 1], z = [0, 1], cells = [8, 8, 8] }}\n\
          [boundaries]\ndefault = \"slip\"\n\
          [time]\nend = 1\n\
@@ -266,7 +259,7 @@ fn steps_follow_flow_walls_and_contacts() {
          [[body]]\nname = \"led\"\nbox = [0.15, 0.22, 0.22]\nat = [0.3, 0.25, 0.25]\ndensity = 2500\n\
          led_velocity = [2, 0, 0]\n\
          [[body]]\nname = \"free\"\nsphere = 0.11\nat = [0.8, 0.25, 0.25]\ndensity = 2500\n";
-    let mut run = start(text.into());
+    let mut run = simulation(text);
     let out = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("steps");
     let options = Options { out: out.clone(), restart: None, steps: None, quiet: true };
     run.run(&options).unwrap();

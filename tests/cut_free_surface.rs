@@ -1,20 +1,11 @@
 //! Water with a free surface around obstacles that are cut out of the mesh.
 
-use fcm_fsi::case::{Case, Sources};
+#[path = "common/simulation.rs"]
+mod common;
+
+use common::simulation;
 use fcm_fsi::phase::initial;
 use fcm_fsi::simulation::Simulation;
-use partition::Communicator;
-
-fn simulation(text: &str) -> Simulation {
-    let sources = Sources {
-        file: "case.toml".into(),
-        folder: "/".into(),
-        text: text.into(),
-        tables: Default::default(),
-    };
-    let case = Case::new(&sources).unwrap_or_else(|error| panic!("{error}"));
-    Simulation::new(case, &Communicator::single()).unwrap_or_else(|error| panic!("{error}"))
-}
 
 /// Largest speed at nodes with fluid [m/s].
 fn top_speed(run: &Simulation) -> f64 {

@@ -1,22 +1,12 @@
 //! Structures that move as told: by displacement or velocity, gauges on them, fluid shut in between them, structures
 //! too thin for the mesh.
 
-use fcm_fsi::case::{Case, Sources};
-use fcm_fsi::simulation::Simulation;
-use partition::Communicator;
+#[path = "common/simulation.rs"]
+mod common;
+
+use common::simulation;
 use std::path::PathBuf;
 use std::process::Command;
-
-fn simulation(text: &str) -> Simulation {
-    let sources = Sources {
-        file: "case.toml".into(),
-        folder: "/".into(),
-        text: text.into(),
-        tables: Default::default(),
-    };
-    let case = Case::new(&sources).unwrap_or_else(|error| panic!("{error}"));
-    Simulation::new(case, &Communicator::single()).unwrap_or_else(|error| panic!("{error}"))
-}
 
 /// Runs the program itself on a case and files beside it; the folder of its results.
 fn run(name: &str, case: &str, files: &[(&str, &str)]) -> PathBuf {

@@ -6,7 +6,7 @@ HEIGHT, LENGTH, CENTRE, RADIUS = 0.41, 2.2, np.array([0.2, 0.2]), 0.05
 
 
 def fitted(around, rings, rows, thickness):
-    """(nodes, tets, {side: triangles}): `around` cells (a multiple of 4) on the cylinder, in `rings` that widen
+    """(nodes, tets, {side: triangles}): `around` cells (a multiple of 8) on the cylinder, in `rings` that widen
     to the square [0, HEIGHT]², and `rows` that widen from there to the end."""
     points, triangles = plane(around, rings, rows)
     return extruded(points, triangles, thickness)
@@ -32,7 +32,11 @@ def plane(around, rings, rows):
     points = np.concatenate([points] + [np.c_[np.full(side + 1, x), y] for x in reach[1:]])
     behind = np.concatenate([number[-1:, : side + 1], behind])
     quads.append(np.stack([behind[:-1, :-1], behind[1:, :-1], behind[1:, 1:], behind[:-1, 1:]], -1))
+    # Diagonals in turns, or the mesh itself has a sense of rotation: all turned one way, lift was 0.0217 on 96 cells
+    # around, all the other way 0.0017; the exact one is 0.0106.
+    turned = np.concatenate([(np.indices(q.shape[:2]).sum(0) % 2).ravel() for q in quads])
     quads = np.concatenate([q.reshape(-1, 4) for q in quads])
+    quads = np.where(turned[:, None] == 1, np.roll(quads, -1, 1), quads)
     return points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 

@@ -60,7 +60,8 @@ class Work:
         path = folder / "case.toml"
         path.write_text("".join(f"{key} = {toml(value)}\n" for key, value in case.table.items()))
         ranks = ranks or self.ranks
-        command = ["mpirun", "-n", str(ranks), str(PROGRAM), str(path), "--out", str(folder), "--quiet", *arguments]
+        started = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        command = [*started, str(PROGRAM), str(path), "--out", str(folder), "--quiet", *arguments]
         environment = dict(os.environ, OMP_NUM_THREADS="1")
         with open(folder / "log", "w") as out:
             done = subprocess.run(command, stdout=out, stderr=subprocess.STDOUT, env=environment, check=False)

@@ -125,6 +125,8 @@ pub enum BodyShape {
     Sphere(f64),
     /// Radius and height [m].
     Cylinder([f64; 2]),
+    /// The convex hull of points [m].
+    Points(Vec<[f64; 3]>),
     /// STL or OBJ.
     File(PathBuf),
 }

@@ -15,7 +15,7 @@ use super::open_boundary::OpenFace;
 use super::sealed::{Sealed, Squeezed};
 use super::slivers::{self, Entry, WithEntries};
 use super::wall::{Method, WallElement};
-use super::weak_form::Element;
+use super::weak_form::{Element, ElementSystem};
 use super::{viscous, viscous_force};
 use crate::case::{Boundary, Case, Formula};
 use crate::cut::tetrahedron::cut_face;

@@ -157,12 +157,12 @@ impl Element {
         let dt_eff = 1.0 / (1.0 / dt + 2.0 * theta * speed / h);
         let laplace = dt_eff / rho * v + pspg;
 
-        // What multiplies ∂N_i/∂x_k in row k of block (i, j), and what stands in its continuity row.
+        // What multiplies ∂N_i/∂x_k in row k of block (i, j); what stands in its continuity row, ∇N_i·∇N_j times the last.
         let trial =
             lanes(grad.map(|g| g.map(|g| lsic * g)), std::array::from_fn(|j| -fluid.first(j)));
         let along = lanes(*grad, [0.0; 4]);
         let bent = grad_mu.map(|g| -theta * g);
-        let laplacian = [pspg * bent[0], pspg * bent[1], pspg * bent[2], pspg];
+        let continuity = [pspg * bent[0], pspg * bent[1], pspg * bent[2], pspg];
 
         let mut system = ElementSystem::default();
         for i in 0..4 {
@@ -202,7 +202,8 @@ impl Element {
                     block[k][k] += scalar;
                 }
                 for c in 0..4 {
-                    block[3][c] = weight * along[j][c] + pspg * r * along[i][c] + gg * laplacian[c];
+                    block[3][c] =
+                        weight * along[j][c] + pspg * r * along[i][c] + gg * continuity[c];
                 }
                 system.pressure[4 * i + j] = laplace * gg;
             }

@@ -154,6 +154,9 @@ fn pieces(
         BodyShape::Cuboid(edges) => Shape::cuboid(*edges),
         BodyShape::Sphere(radius) => Shape::sphere(*radius),
         BodyShape::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
+        BodyShape::Points(points) => {
+            Shape::hull(points).map_err(|e| fail("points", e.to_string()))?
+        }
         BodyShape::File(path) => {
             let file = surface(case, &format!("{key}.file"), path, comm)?;
             Shape::drawn(Surface::new(&file.vertices, &file.triangles))

@@ -6,7 +6,7 @@
 //! panic on one rank must end all of them.
 
 mod bodies;
-#[path = "../common/mod.rs"]
+#[path = "../common/bodies.rs"]
 mod common;
 mod communication;
 mod coupling;

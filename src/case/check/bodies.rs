@@ -12,7 +12,7 @@ use super::super::nearest::did_you_mean;
 use super::super::{MeshSource, Obstacle};
 use super::block;
 use super::values::{
-    Reader, at_least_one, between, finite_vector, not_negative, positive, refuse, share,
+    Reader, at_least_one, between, corners, finite_vector, not_negative, positive, refuse, share,
 };
 use std::path::Path;
 
@@ -234,20 +234,26 @@ fn body(
 ) -> Result<Body, Problem> {
     let at = |name: &str| format!("{key}.{name}");
     let name = new_name(key, &typed.name, bodies.bodies.iter().map(|b| &b.name))?;
-    let shape = match (&typed.cuboid, typed.sphere, &typed.cylinder, &typed.file) {
-        (Some(edges), None, None, None) => {
+    let BodyTable { cuboid, sphere, cylinder, points, file, .. } = typed;
+    let shape = match (cuboid, sphere, cylinder, points, file) {
+        (Some(edges), None, None, None, None) => {
             for (i, edge) in edges.iter().enumerate() {
                 positive(&at(&format!("box[{}]", i + 1)), *edge)?;
             }
             BodyShape::Cuboid(*edges)
         }
-        (None, Some(radius), None, None) => BodyShape::Sphere(positive(&at("sphere"), radius)?),
-        (None, None, Some([r, h]), None) => BodyShape::Cylinder([
+        (None, Some(radius), None, None, None) => {
+            BodyShape::Sphere(positive(&at("sphere"), *radius)?)
+        }
+        (None, None, Some([r, h]), None, None) => BodyShape::Cylinder([
             positive(&at("cylinder[1]"), *r)?,
             positive(&at("cylinder[2]"), *h)?,
         ]),
-        (None, None, None, Some(name)) => BodyShape::File(folder.join(name)),
-        _ => return refuse(key, "needs one of box, sphere, cylinder, file"),
+        (None, None, None, Some(points), None) => {
+            BodyShape::Points(corners(&at("points"), points)?)
+        }
+        (None, None, None, None, Some(name)) => BodyShape::File(folder.join(name)),
+        _ => return refuse(key, "needs one of box, sphere, cylinder, points, file"),
     };
     let pieces = pieces(key, typed, &shape, reader)?;
     let (count, spacing) = match &typed.copies {
@@ -372,7 +378,7 @@ fn pieces(
         }
         (None, Some(typed)) => {
             if matches!(shape, BodyShape::Sphere(_) | BodyShape::Cylinder(_)) {
-                return refuse(at("fragments"), "are made of a box or a file");
+                return refuse(at("fragments"), "are made of a box, points or a file");
             }
             let size = positive(&at("fragments.size"), typed.size)?;
             Ok(Pieces::Fragments { size, seed: typed.seed })

@@ -4,7 +4,7 @@ use super::super::error::Problem;
 use super::super::file::{CaseFile, ObstacleTable, WallWord};
 use super::super::sources::Sources;
 use super::super::{Obstacle, Solid};
-use super::values::{Reader, finite_vector, positive, refuse};
+use super::values::{Reader, corners, finite_vector, positive, refuse};
 
 /// All obstacles; `viscosity` is the liquid's.
 pub fn check(
@@ -83,13 +83,7 @@ fn solid(
             Ok(Solid::Cylinder(*size))
         }
         (None, None, None, Some(points), None, None) => {
-            if points.len() < 4 {
-                return refuse(key("points"), format!("needs at least 4, has {}", points.len()));
-            }
-            for (i, point) in points.iter().enumerate() {
-                finite_vector(&format!("{}[{}]", key("points"), i + 1), point)?;
-            }
-            Ok(Solid::Points(points.clone()))
+            Ok(Solid::Points(corners(&key("points"), points)?))
         }
         (None, None, None, None, Some(name), None) => Ok(Solid::Surface(sources.folder.join(name))),
         (None, None, None, None, None, Some(name)) => Ok(Solid::Terrain(sources.folder.join(name))),

@@ -21,6 +21,14 @@ pub fn finite_vector(key: &str, x: &[f64; 3]) -> Result<[f64; 3], Problem> {
     Ok(*x)
 }
 
+/// Corners of a convex polyhedron.
+pub fn corners(key: &str, points: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, Problem> {
+    if points.len() < 4 {
+        return refuse(key, format!("needs at least 4, has {}", points.len()));
+    }
+    points.iter().enumerate().map(|(i, x)| finite_vector(&format!("{key}[{}]", i + 1), x)).collect()
+}
+
 pub fn positive(key: &str, x: f64) -> Result<f64, Problem> {
     finite(key, x)?;
     if x > 0.0 { Ok(x) } else { refuse(key, format!("must be greater than 0, is {x}")) }

@@ -112,7 +112,7 @@ fn on_the_curve() -> Unloading {
     Unloading::Curve
 }
 
-/// A body, or many by a rule. One of box, sphere, cylinder, file says its shape.
+/// A body, or many by a rule. One of box, sphere, cylinder, points, file says its shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyTable {
@@ -127,10 +127,13 @@ pub struct BodyTable {
     /// Radius and height of a cylinder along z [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<[f64; 2]>,
+    /// Corners of a convex polyhedron [m]: what is between these points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<Vec<[f64; 3]>>,
     /// A closed surface: an STL or OBJ file [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
-    /// Where the middle of the box, sphere or cylinder, or the origin of the file, is put [m].
+    /// Where the middle of the box, sphere or cylinder, or the origin of the points or the file, is put [m].
     #[serde(default)]
     pub at: [f64; 3],
     /// Turned about x, then y, then z [degrees].

@@ -73,6 +73,25 @@ impl Flow {
         WallElement { element, pieces: &c.pieces, surface, x, method: self.wall, swept }
     }
 
+    /// What element `e`, which has fluid, and the wall in it add to the step's system.
+    #[inline]
+    pub(super) fn system(
+        &self,
+        part: &MeshPart,
+        cut: &CutMesh,
+        surfaces: &[Surface],
+        e: usize,
+        element: &Element,
+    ) -> ElementSystem {
+        let Cell::Cut(c) = cut.cell(e) else {
+            return element.system(&Whole(element.geometry.volume));
+        };
+        let mut system = element.system(&c.pieces.fluid);
+        let x = part.mesh.corners(e);
+        self.wall(cut, element, c, &surfaces[c.body as usize], &x).add(&mut system);
+        system
+    }
+
     /// What `x` leaves of the equations and, with `matrix`, the matrix of its change.
     pub(super) fn assemble(
         &mut self,
@@ -92,20 +111,11 @@ impl Flow {
         self.left.fill([0.0; 4]);
         let n_owned = part.n_owned();
         for e in 0..part.n_assembled_elements {
-            let cell = cut.cell(e);
-            if matches!(cell, Cell::Solid) {
+            if matches!(cut.cell(e), Cell::Solid) {
                 continue;
             }
             let element = self.element(part, material, e, &self.u, dt, theta);
-            let system = match cell {
-                Cell::Cut(c) => {
-                    let mut system = element.system(&c.pieces.fluid);
-                    let x = part.mesh.corners(e);
-                    self.wall(cut, &element, c, &surfaces[c.body as usize], &x).add(&mut system);
-                    system
-                }
-                _ => element.system(&Whole(element.geometry.volume)),
-            };
+            let system = self.system(part, cut, surfaces, e, &element);
             let tet = &part.mesh.tets[e];
             let x = tet.map(|n| self.x[n as usize]);
             for i in 0..4 {

@@ -257,20 +257,11 @@ impl Flow {
         let any = |nodes: &[u32]| nodes.iter().any(|&n| given[n as usize] != [0.0; 3]);
         for e in 0..part.n_owned_elements {
             let tet = &part.mesh.tets[e];
-            if !any(tet) {
+            if !any(tet) || matches!(cut.cell(e), Cell::Solid) {
                 continue;
             }
             let element = self.element(part, material, e, &self.u_old, dt, theta);
-            let system = match cut.cell(e) {
-                Cell::Solid => continue,
-                Cell::Cut(c) => {
-                    let mut system = element.system(&c.pieces.fluid);
-                    let x = part.mesh.corners(e);
-                    self.wall(cut, &element, c, &surfaces[c.body as usize], &x).add(&mut system);
-                    system
-                }
-                Cell::Whole => element.system(&Whole(element.geometry.volume)),
-            };
+            let system = self.system(part, cut, surfaces, e, &element);
             let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
             for i in 0..4 {
                 let row = system.momentum(i, &u, &p);
