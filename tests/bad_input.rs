@@ -437,6 +437,13 @@ const BAD_WITH_MESH: &[(&str, &str, &str)] = &[
          [[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n[boundaries]",
         ":5: bodies.walls[1]: the mesh has no boundary of this name; did you mean \"wall\"?",
     ),
+    (
+        "[boundaries]",
+        "[bodies]\nsphere_radius = 0.01\nwalls = [\"wall\"]\n\
+         [[body]]\nname = \"a\"\nsphere = 0.1\ndensity = 1\n\
+         [[obstacle]]\nname = \"wall\"\nsphere = 0.1\n[boundaries]",
+        ":5: bodies.walls[1]: both a boundary and an obstacle are called \"wall\"",
+    ),
 ];
 
 /// A good case with a surface, which is all that is wrong with it.

@@ -26,6 +26,11 @@ pub fn walls(
     solids: &[Solid],
 ) -> Result<Vec<Wall>, SetupError> {
     let mut walls = Vec::new();
+    // Walls with a name alone come after those with a table.
+    let tables = asked.walls.iter().take_while(|w| !w.has_no_table()).count();
+    let refused = |i: usize, message: String| {
+        case.source.error(&format!("bodies.walls[{}]", i - tables + 1), message)
+    };
     for (i, wall) in asked.walls.iter().enumerate() {
         let file_key = || format!("wall[{}].file", i + 1);
         let surface = match &wall.surface {
@@ -38,11 +43,14 @@ pub fn walls(
                 WallSurface::triangles(&file.vertices, &file.triangles)
                     .map_err(|message| case.source.error(&file_key(), message))?
             }
-            WallShape::Boundary => boundary(part, &wall.name).map_err(|message| {
-                // Walls with a name alone come after those with a table.
-                let tables = asked.walls.iter().position(|w| w.has_no_table()).unwrap_or(i);
-                case.source.error(&format!("bodies.walls[{}]", i - tables + 1), message)
-            })?,
+            WallShape::Boundary => {
+                boundary(part, &wall.name).map_err(|message| refused(i, message))?
+            }
+            WallShape::Obstacle(_) if part.mesh.boundary_names.contains(&wall.name) => {
+                let message =
+                    format!("both a boundary and an obstacle are called \"{}\"", wall.name);
+                return Err(refused(i, message).into());
+            }
             WallShape::Obstacle(o) => {
                 let Solid { shape, pose, outside_in } = solids[*o];
                 WallSurface::Solid { shape: shape.clone(), pose, outside_in }
