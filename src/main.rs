@@ -5,6 +5,8 @@ use fcm_fsi::case::{Case, CaseError, CaseFile, Sources};
 use fcm_fsi::report::{self, plan};
 use fcm_fsi::simulation::{Options, Simulation};
 use partition::Communicator;
+use std::fmt::Display;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -52,7 +54,7 @@ fn main() -> ExitCode {
     };
     if arguments.schema {
         if comm.rank() == 0 {
-            println!("{}", CaseFile::schema());
+            say(CaseFile::schema());
         }
         return ExitCode::SUCCESS;
     }
@@ -88,19 +90,24 @@ fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
         let plan = plan::of(&simulation.case, &simulation.part);
         let thin = simulation.thin_structures();
         if comm.rank() == 0 {
-            println!("{plan}");
-            thin.iter().for_each(|sentence| println!("{sentence}"));
+            say(plan);
+            thin.iter().for_each(say);
             if let Some(bodies) = &simulation.bodies {
-                println!("{}", report::bodies::plan(bodies, simulation.case.time.end));
+                say(report::bodies::plan(bodies, simulation.case.time.end));
             }
         }
         return Ok(());
     }
     let summary = simulation.run(&options).map_err(|error| (RUN_FAILED, error.to_string()))?;
     if comm.rank() == 0 && !options.quiet {
-        println!("{}\nresults in {}", summary.table(), options.out.display());
+        say(format_args!("{}\nresults in {}", summary.table(), options.out.display()));
     }
     Ok(())
+}
+
+/// On standard output, if anyone still listens: `fcm-fsi case.toml | head` must not end a run.
+fn say(what: impl Display) {
+    let _ = writeln!(std::io::stdout(), "{what}");
 }
 
 /// `results/NAME` under the current folder: NAME is that of the file, or of its folder for a file called
