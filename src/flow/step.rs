@@ -275,7 +275,11 @@ impl Flow {
             *a = std::array::from_fn(|k| u[k] + ratio * (u[k] - old[k]));
         }
         self.evaluate_body_force(part, t + theta * dt);
-        self.laplacian = viscous_force::laplacian(part, cut, &self.constraints.nodes, &self.u);
+        if viscous::matters(material, self.smallest, dt) {
+            self.laplacian = viscous_force::laplacian(part, cut, &self.constraints.nodes, &self.u);
+        } else {
+            self.laplacian.fill([0.0; 3]);
+        }
 
         // The previous solution, with what the boundaries give at the new time, is the first guess; in a step
         // done again, the solution found for it before.

@@ -1,4 +1,4 @@
-//! Where viscosity rules a step, θ Δt ν/h² ≫ 1, what the solver's preconditioner needs to know of it.
+//! How much viscosity has to say in a step; where it rules, θ Δt ν/h² ≫ 1, what the solver's preconditioner needs to know.
 
 use super::material::Material;
 use crate::cut::{Cell, CutMesh};
@@ -10,6 +10,15 @@ use crate::mesh::tetrahedron::Tetrahedron;
 
 /// Gauss-Seidel sweeps alone are cheaper up to this viscous number θ Δt ν/h².
 const LIMIT: f64 = 4.0;
+
+/// Δt ν/h² from which on the strong residual needs the viscous force: below, cells are far too large for what
+/// viscosity does in them.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// Whether viscosity is felt at all in a step of length `dt`.
+pub fn matters(material: &Material, smallest: f64, dt: f64) -> bool {
+    dt * material.kinematic_viscosity() > NEGLIGIBLE * smallest * smallest
+}
 
 /// Whether viscosity rules a step of length `dt`; `smallest` is the size of the smallest element.
 pub fn rules(material: &Material, smallest: f64, dt: f64, theta: f64) -> bool {
