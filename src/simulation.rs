@@ -291,7 +291,6 @@ impl Simulation {
         }
         if let Some(phase) = &self.phase {
             self.material.set_phase(&phase.phi);
-            self.material.set_flux(phase.flux());
         }
         if let Some(flow) = &mut self.flow {
             let (structures, bodies) = (&mut self.structures, self.bodies.as_mut());

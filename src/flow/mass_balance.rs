@@ -66,9 +66,9 @@ impl MassBalance {
         self.sort_nodes(part, cut, material, u, phi);
         self.sums.clear();
         self.sums.resize(part.n_local(), [0.0; 5]);
+        material.set_flux(flux);
         self.add(part, cut, material, [u, fine_scale], -1.0 / dt);
         material.set_phase(phi);
-        material.set_flux(flux);
         self.add(part, cut, material, [u, fine_scale], 1.0 / dt);
         self.gains.clear();
         for (i, &[rate, x, y, z, mass]) in self.sums[..part.n_owned()].iter().enumerate() {
