@@ -246,6 +246,34 @@ def marin(work):
     plot.savefig(work.folder / "marin.png", dpi=90)
 
 
+@check("marin_plane", "the MARIN wave in the plane, its box cut out, without friction, beside OpenFOAM's interFoam on as fine a mesh")
+def marin_plane(work):
+    # interFoam 1912 on 1 cm squares that leave the box out, slip walls, Courant number 0.3 (scripts/peers/marin.py's schemes).
+    source = "interFoam, 1 cm cells"
+    changes = {
+        "mesh.box.x": {"edges": [0, 0.6, 0.9, 2, 3.22], "sizes": [0.03, 0.01, 0.01, 0.015, 0.03]},
+        "mesh.box.y": {"edges": [0, 0.015], "cells": [1]},
+        "mesh.box.z": {"edges": [0, 0.2, 0.5, 1], "sizes": [0.01, 0.01, 0.02, 0.06]},
+        "free_surface.thickness": 0.006,
+        "time.end": 0.52,
+        "output.fields_every": 0.52,
+    }
+    case = variant("marin", changes)
+    case.table["obstacle"][0]["at"] = [0.744, 0.0075, 0]
+    for gauge in case.table["gauge"]:
+        points = gauge.get("water_level") or [gauge["pressure"]]
+        for point in points:
+            point[1] = 0.0075
+    gauges = work.run(case).gauges
+    t = gauges["t"] - 0.5 * np.diff(gauges["t"], prepend=0)
+    for name, x, theirs in (("H3", 1.488, 0.2391), ("H2", 0.992, 0.3750)):
+        k = np.nonzero(gauges[name] > 0.02)[0][0]
+        at = np.interp(0.02, gauges[name][k - 1 : k + 1], t[k - 1 : k + 1])
+        yield near(work, f"water 2 cm deep at x = {x} m [s]", at, theirs, source, relative=0.01)
+    for name, theirs in (("P1", 13.1), ("P2", 8.75), ("P3", 4.49)):
+        yield near(work, f"{name}'s peak [kPa]", np.nanmax(gauges[name]) / 1e3, theirs, source, relative=0.1)
+
+
 @check("sweep", "a sphere, a cube and a plate at 300 places in the mesh each, Re 20")
 def sweep(work):
     h = 1 / 16
