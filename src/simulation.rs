@@ -252,6 +252,7 @@ impl Simulation {
             };
             let inflow = &mut self.inflow_values;
             self.inflow.values(part, velocity, phase, [t, dt_phase], inflow);
+            phase.take_back(self.material.set_flux(Vec::new()));
             let moved = stages
                 .time("free surface", || {
                     phase.advance(part, &self.cut, dt_phase, velocity, fine_scale, inflow)
@@ -261,7 +262,8 @@ impl Simulation {
             clock.t_phase += dt_phase;
             report.volume = stages.time("volume", || phase.restore_volume(part, &self.cut));
             if let Some(flow) = &mut self.flow {
-                let (phi, flux, material) = (&phase.phi, phase.flux(), &mut self.material);
+                let (flux, material) = (phase.lend_flux(), &mut self.material);
+                let phi = &phase.phi;
                 stages.time("free surface", || {
                     flow.take_phase(part, &self.cut, material, phi, flux, dt_phase)
                 });

@@ -46,11 +46,58 @@ impl Constraint {
     }
 }
 
+/// The constraint of each local node. Most nodes are free: they share one.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    /// Index into `kinds`.
+    kind: Vec<u32>,
+    kinds: Vec<Constraint>,
+}
+
+impl Nodes {
+    fn new(nodes: &[Constraint]) -> Self {
+        let mut kinds = vec![FREE];
+        let kind = |c: &Constraint| {
+            if c.is_free() {
+                return 0;
+            }
+            kinds.push(*c);
+            kinds.len() as u32 - 1
+        };
+        Self { kind: nodes.iter().map(kind).collect(), kinds }
+    }
+
+    /// Gives or frees the pressure of a node.
+    fn set_pressure_given(&mut self, i: usize, given: u8) {
+        if self[i].pressure_given == given {
+            return;
+        }
+        if self.kind[i] == 0 {
+            self.kind[i] = self.kinds.len() as u32;
+            self.kinds.push(FREE);
+        }
+        self.kinds[self.kind[i] as usize].pressure_given = given;
+    }
+
+    /// Of all nodes, in order.
+    pub fn iter(&self) -> impl Iterator<Item = &Constraint> {
+        self.kind.iter().map(|&kind| &self.kinds[kind as usize])
+    }
+}
+
+impl std::ops::Index<usize> for Nodes {
+    type Output = Constraint;
+    #[inline]
+    fn index(&self, i: usize) -> &Constraint {
+        &self.kinds[self.kind[i] as usize]
+    }
+}
+
 /// The constraints of all local nodes, and where their values come from.
 #[derive(Clone, Debug)]
 pub struct Constraints {
     /// Of each local node.
-    pub nodes: Vec<Constraint>,
+    pub nodes: Nodes,
     /// Owned and ghost nodes with a given velocity: node, index into `velocities`.
     moving: Vec<(u32, u32)>,
     velocities: Vec<[Formula; 3]>,
@@ -131,7 +178,7 @@ impl Constraints {
             (0u32..).zip(of).filter(|&(_, b)| b != u32::MAX).collect()
         };
         let mut constraints = Self {
-            nodes,
+            nodes: Nodes::new(&nodes),
             moving: listed(moving_of),
             velocities,
             open: listed(open_of),
@@ -152,9 +199,13 @@ impl Constraints {
         }
         let before = std::mem::replace(&mut self.pinned, pinned);
         for (list, given) in [(&before, 0), (&self.pinned, 1)] {
-            list.iter().for_each(|&node| self.nodes[node as usize].pressure_given = given);
+            list.iter().for_each(|&node| self.nodes.set_pressure_given(node as usize, given));
         }
-        part.exchange.update_ghosts(&mut self.nodes);
+        let mut given: Vec<u8> = self.nodes.iter().map(|c| c.pressure_given).collect();
+        part.exchange.update_ghosts(&mut given);
+        for i in part.n_owned()..part.n_local() {
+            self.nodes.set_pressure_given(i, given[i]);
+        }
         true
     }
 

@@ -60,7 +60,7 @@ impl MassBalance {
         cut: &CutMesh,
         material: &mut Material,
         [u, fine_scale]: [&[[f64; 3]]; 2],
-        (phi, flux): (&[f64], &[[f64; 3]]),
+        (phi, flux): (&[f64], Vec<[f64; 3]>),
         dt: f64,
     ) {
         self.sort_nodes(part, cut, material, u, phi);

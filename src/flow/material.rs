@@ -48,17 +48,26 @@ pub struct ElementMaterial {
     pub force: [[f64; 3]; 4],
 }
 
+/// φ in [0, 1], ψ/δ and I(ψ)/δ.
+fn profile(phi: f64) -> (f64, f64, f64) {
+    let phi = phi.clamp(0.0, 1.0);
+    // NaN is passed on, to be found by the solver.
+    let psi = (phi / (1.0 - phi)).ln().clamp(-CLIP, CLIP);
+    (phi, psi, psi.max(0.0) + (-psi.abs()).exp().ln_1p())
+}
+
 impl Material {
     /// Liquid everywhere, on `n` nodes.
     pub fn new(case: &Case, n: usize) -> Self {
+        let (phi, psi, integral) = profile(1.0);
         Self {
             liquid: case.liquid,
             gas: case.gas.unwrap_or(case.liquid),
             gravity: case.gravity,
             form: case.flow.gravity,
-            phi: vec![1.0; n],
-            psi: vec![CLIP; n],
-            integral: vec![CLIP; n],
+            phi: vec![phi; n],
+            psi: vec![psi; n],
+            integral: vec![integral; n],
             flux: Vec::new(),
         }
     }
@@ -66,19 +75,16 @@ impl Material {
     /// Takes over the phase field's nodal values.
     pub fn set_phase(&mut self, phi: &[f64]) {
         for (i, &value) in phi.iter().enumerate() {
-            let phi = value.clamp(0.0, 1.0);
-            // NaN is passed on, to be found by the solver.
-            let psi = (phi / (1.0 - phi)).ln().clamp(-CLIP, CLIP);
-            self.phi[i] = phi;
-            self.psi[i] = psi;
-            self.integral[i] = psi.max(0.0) + (-psi.abs()).exp().ln_1p();
+            // Most of the mesh is all liquid or gas, and stays so.
+            if value.clamp(0.0, 1.0) != self.phi[i] {
+                (self.phi[i], self.psi[i], self.integral[i]) = profile(value);
+            }
         }
     }
 
-    /// Takes over `flux` of the phase field.
-    pub fn set_flux(&mut self, flux: &[[f64; 3]]) {
-        self.flux.clear();
-        self.flux.extend_from_slice(flux);
+    /// Takes `flux` of the phase field; returns the one before.
+    pub fn set_flux(&mut self, flux: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+        std::mem::replace(&mut self.flux, flux)
     }
 
     /// What mass moves by beyond the velocity in element `e` of density `rho` [m/s].
@@ -183,7 +189,7 @@ mod tests {
             gas: Fluid { density: 1.0, viscosity: 1e-5 },
             gravity: g,
             form,
-            phi: phi.clone(),
+            phi: vec![f64::NAN; phi.len()],
             psi: phi.clone(),
             integral: phi.clone(),
             flux: Vec::new(),

@@ -6,9 +6,9 @@
 
 use super::material::Material;
 use crate::cut::ghost::GhostFace;
-use crate::fem::constraints::Constraint;
+use crate::fem::constraints::Nodes;
 use crate::fem::norm;
-use crate::linear::Operator;
+use crate::linear::{Operator, Value};
 
 /// γ_g: with 0.01 to 0.1 iterations do not depend on how little fluid a cut element has; 1 is as bad as none.
 const GAMMA: f64 = 0.05;
@@ -41,15 +41,16 @@ pub struct WithEntries<'a, A> {
     /// The others.
     pub entries: &'a [Entry],
     /// Of all local nodes.
-    pub constraints: &'a [Constraint],
+    pub constraints: &'a Nodes,
 }
 
 impl<A: Operator> Operator for WithEntries<'_, A> {
-    fn apply(&self, x: &mut [f64], y: &mut [f64]) {
+    fn apply<X: Value>(&self, x: &mut [X], y: &mut [f64]) {
         self.matrix.apply(x, y);
         for entry in self.entries {
             let (i, j) = (entry.row as usize, entry.column as usize);
-            let x = self.constraints[j].project([x[4 * j], x[4 * j + 1], x[4 * j + 2]]);
+            let x = [x[4 * j], x[4 * j + 1], x[4 * j + 2]].map(Into::into);
+            let x = self.constraints[j].project(x);
             let add = self.constraints[i].project(x);
             for k in 0..3 {
                 y[4 * i + k] += entry.value * add[k];

@@ -26,7 +26,7 @@ use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{norm, triangle_normal};
 use crate::linear::{
     BlockCsr, Converged, DistributedOperator, Diverged, InnerProduct, KrylovSettings, NodeGraph,
-    OwnedProduct, Reason, SchurPreconditioner, Workspace, fgmres, residual_weights,
+    OwnedProduct, Reason, SaddleCsr, SchurPreconditioner, Workspace, fgmres, residual_weights,
 };
 use crate::mesh::MeshPart;
 use crate::mesh::part::Cost;
@@ -72,7 +72,7 @@ pub struct Flow {
     /// Size of the smallest element on any rank [m].
     smallest: f64,
     /// Of the change of `x` (`solve`).
-    matrix: BlockCsr<4, f32>,
+    matrix: SaddleCsr,
     pressure: BlockCsr<1>,
     /// Entries of the ghost penalty that the matrix has no place for.
     across: Vec<Entry>,
@@ -89,7 +89,7 @@ pub struct Flow {
     /// The same, whether it is or not.
     began: f64,
     a: Vec<[f64; 3]>,
-    /// ∇²uⁿ [1/(m s)].
+    /// ∇²uⁿ [1/(m s)]; empty where it does not matter.
     laplacian: Vec<[f64; 3]>,
     nodal_force: Vec<[f64; 3]>,
     balance: MassBalance,
@@ -183,10 +183,10 @@ impl Flow {
             again: None,
             began: 0.0,
             a: vec![[0.0; 3]; n],
-            laplacian: vec![[0.0; 3]; n],
+            laplacian: Vec::new(),
             nodal_force: Vec::new(),
             balance: MassBalance::default(),
-            matrix: BlockCsr::zero(&graph.pattern),
+            matrix: SaddleCsr::zero(&graph.pattern),
             pressure: BlockCsr::zero(&graph.pattern),
             across: Vec::new(),
             constrained_entries: Vec::new(),
@@ -244,7 +244,7 @@ impl Flow {
         cut: &CutMesh,
         material: &mut Material,
         phi: &[f64],
-        flux: &[[f64; 3]],
+        flux: Vec<[f64; 3]>,
         dt: f64,
     ) {
         // At first there is no u' yet.
@@ -275,11 +275,11 @@ impl Flow {
             *a = std::array::from_fn(|k| u[k] + ratio * (u[k] - old[k]));
         }
         self.evaluate_body_force(part, t + theta * dt);
-        if viscous::matters(material, self.smallest, dt) {
-            self.laplacian = viscous_force::laplacian(part, cut, &self.constraints.nodes, &self.u);
+        self.laplacian = if viscous::matters(material, self.smallest, dt) {
+            viscous_force::laplacian(part, cut, &self.constraints.nodes, &self.u)
         } else {
-            self.laplacian.fill([0.0; 3]);
-        }
+            Vec::new()
+        };
 
         // The previous solution, with what the boundaries give at the new time, is the first guess; in a step
         // done again, the solution found for it before.
@@ -411,7 +411,7 @@ impl Flow {
             let constraints = &self.constraints.nodes;
             let solved = fgmres(
                 &WithEntries { matrix, entries: &self.across, constraints },
-                &mut self.preconditioner,
+                &mut self.preconditioner.with(&self.matrix),
                 &product,
                 self.left.as_flattened(),
                 self.change.as_flattened_mut(),

@@ -4,7 +4,7 @@ use super::material::Material;
 use crate::cut::{Cell, CutMesh};
 use crate::fem::constraints::Constraints;
 use crate::fem::region::Region;
-use crate::linear::{BlockCsr, ViscousOperators};
+use crate::linear::{BlockCsr, SaddleCsr, ViscousOperators};
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
 
@@ -32,16 +32,11 @@ pub fn operators(
     cut: &CutMesh,
     material: &Material,
     constraints: &Constraints,
-    matrix: &BlockCsr<4, f32>,
+    matrix: &SaddleCsr,
     theta: f64,
 ) -> ViscousOperators {
     let n = part.n_owned();
     let mut velocity: [BlockCsr<1>; 3] = std::array::from_fn(|_| BlockCsr::zero(&matrix.pattern));
-    for (c, velocity) in velocity.iter_mut().enumerate() {
-        for (v, block) in velocity.values.iter_mut().zip(&matrix.values) {
-            *v = [[f64::from(block[c][c])]];
-        }
-    }
     let mut mobility = vec![0.0; n];
     for (e, tet) in part.assembled().iter().enumerate() {
         let cell = cut.cell(e);
@@ -61,14 +56,14 @@ pub fn operators(
     }
     for i in 0..n {
         for entry in matrix.row(i) {
-            let j = matrix.pattern.columns[entry] as usize;
+            let (j, block) = (matrix.pattern.columns[entry] as usize, matrix.block(i, entry));
             for (c, velocity) in velocity.iter_mut().enumerate() {
                 let free = |node: usize| {
                     let row = constraints.nodes[node].free[c];
                     (0..3).all(|k| (row[k] - f64::from(u8::from(k == c))).abs() < 1e-12)
                 };
-                if i != j && !(free(i) && free(j)) {
-                    velocity.values[entry][0][0] = 0.0;
+                if i == j || (free(i) && free(j)) {
+                    velocity.values[entry] = [[block[c][c]]];
                 }
             }
         }

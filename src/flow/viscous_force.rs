@@ -7,7 +7,7 @@
 //! step begins with; with the one extrapolated to the middle, steps of Courant number 6 were unstable.
 
 use crate::cut::{Cell, CutMesh};
-use crate::fem::constraints::Constraint;
+use crate::fem::constraints::{Constraint, Nodes};
 use crate::fem::dot;
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
@@ -23,7 +23,7 @@ pub fn share(t: &Tetrahedron) -> f64 {
 pub fn laplacian(
     part: &MeshPart,
     cut: &CutMesh,
-    constraints: &[Constraint],
+    constraints: &Nodes,
     u: &[[f64; 3]],
 ) -> Vec<[f64; 3]> {
     let mesh = &part.mesh;

@@ -1,13 +1,34 @@
 //! Compressed rows of small dense blocks.
 
+use super::distributed::Item;
 use super::pattern::Pattern;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// What values are stored as; sums are of doubles.
-pub trait Value: Copy + Default + Into<f64> {}
+pub trait Value: Copy + Default + Into<f64> + Item {}
 impl Value for f64 {}
 impl Value for f32 {}
+
+/// A matrix whose rows are of B unknowns each.
+pub trait Rows<const B: usize> {
+    /// `Σ_j A_ij x_j`; `x` over local nodes.
+    fn multiply_row<X: Value>(&self, i: usize, x: &[[X; B]]) -> [f64; B];
+
+    /// `y[i] = Σ_j A_ij x_j` for the given rows; `y` at least over rows.
+    ///
+    /// Two runs of rows take turns: read as two streams, blocks come a quarter to a third faster from memory.
+    #[inline]
+    fn multiply_rows<X: Value>(&self, rows: Range<usize>, x: &[[X; B]], y: &mut [[f64; B]]) {
+        let half = rows.len().div_ceil(2);
+        for i in rows.start..rows.start + half {
+            y[i] = self.multiply_row(i, x);
+            if i + half < rows.end {
+                y[i + half] = self.multiply_row(i + half, x);
+            }
+        }
+    }
+}
 
 /// Row-compressed matrix of B×B blocks (row-major inside a block).
 #[derive(Clone, Debug)]
@@ -45,35 +66,6 @@ impl<const B: usize, T: Value> BlockCsr<B, T> {
         columns.zip(&self.values[self.row(i)])
     }
 
-    /// `y[i] = Σ_j A_ij x_j` for the given rows; `x` over local nodes, `y` at least over rows.
-    ///
-    /// Products are summed column by column of the block, so that they fill SIMD lanes.
-    /// Two runs of rows take turns: read as two streams, blocks come a quarter to a third faster from memory.
-    #[inline]
-    pub fn multiply_rows(&self, rows: Range<usize>, x: &[[f64; B]], y: &mut [[f64; B]]) {
-        let half = rows.len().div_ceil(2);
-        for i in rows.start..rows.start + half {
-            y[i] = self.multiply_row(i, x);
-            if i + half < rows.end {
-                y[i + half] = self.multiply_row(i + half, x);
-            }
-        }
-    }
-
-    #[inline]
-    fn multiply_row(&self, i: usize, x: &[[f64; B]]) -> [f64; B] {
-        let mut sum = [[0.0; B]; B];
-        for (j, block) in self.entries(i) {
-            let xj = &x[j];
-            for r in 0..B {
-                for c in 0..B {
-                    sum[r][c] += block[r][c].into() * xj[c];
-                }
-            }
-        }
-        sum.map(|lanes| lanes.iter().sum())
-    }
-
     /// The diagonal block of row i.
     #[inline]
     pub fn diagonal(&self, i: usize) -> &[[T; B]; B] {
@@ -83,5 +75,22 @@ impl<const B: usize, T: Value> BlockCsr<B, T> {
     /// All values zero.
     pub fn clear(&mut self) {
         self.values.fill([[T::default(); B]; B]);
+    }
+}
+
+impl<const B: usize, T: Value> Rows<B> for BlockCsr<B, T> {
+    /// Products are summed column by column of the block, so that they fill SIMD lanes.
+    #[inline]
+    fn multiply_row<X: Value>(&self, i: usize, x: &[[X; B]]) -> [f64; B] {
+        let mut sum = [[0.0; B]; B];
+        for (j, block) in self.entries(i) {
+            let xj: [f64; B] = x[j].map(Into::into);
+            for r in 0..B {
+                for c in 0..B {
+                    sum[r][c] += block[r][c].into() * xj[c];
+                }
+            }
+        }
+        sum.map(|lanes| lanes.iter().sum())
     }
 }

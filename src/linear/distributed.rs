@@ -2,11 +2,12 @@
 //!
 //! The only file of this room that names `partition`. Everything else is written as for one rank.
 
-use super::block_csr::{BlockCsr, Value};
+use super::block_csr::{BlockCsr, Rows, Value};
 use super::krylov::PIECE;
 use super::operator::{InnerProduct, Operator};
-use super::pattern::{ElementPlaces, Pattern};
-use partition::{Communicator, Exchange, IndexMap, Item};
+use super::pattern::{ElementPlaces, FAR, Pattern};
+pub use partition::Item;
+use partition::{Communicator, Exchange, IndexMap};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -204,26 +205,29 @@ impl NodeGraph {
     pub fn entries(&self, e: usize, tet: &[u32; 4], i: usize) -> [usize; 4] {
         let start = self.pattern.row_start[tet[i] as usize] as usize;
         let places = &self.places[e];
-        std::array::from_fn(|j| start + usize::from(places[4 * i + j]))
+        std::array::from_fn(|j| match places[4 * i + j] {
+            FAR => self.pattern.entry(tet[i], tet[j]) as usize,
+            place => start + usize::from(place),
+        })
     }
 }
 
 /// A matrix whose rows are spread over ranks.
 #[derive(Clone, Copy, Debug)]
-pub struct DistributedOperator<'a, const B: usize, T = f64> {
-    matrix: &'a BlockCsr<B, T>,
+pub struct DistributedOperator<'a, M, const B: usize> {
+    matrix: &'a M,
     halo: &'a Halo,
 }
 
-impl<'a, const B: usize, T> DistributedOperator<'a, B, T> {
+impl<'a, M: Rows<B>, const B: usize> DistributedOperator<'a, M, B> {
     /// `matrix` has the pattern `halo` was made for.
-    pub fn new(matrix: &'a BlockCsr<B, T>, halo: &'a Halo) -> Self {
+    pub fn new(matrix: &'a M, halo: &'a Halo) -> Self {
         Self { matrix, halo }
     }
 }
 
-impl<const B: usize, T: Value> Operator for DistributedOperator<'_, B, T> {
-    fn apply(&self, x: &mut [f64], y: &mut [f64]) {
+impl<M: Rows<B>, const B: usize> Operator for DistributedOperator<'_, M, B> {
+    fn apply<X: Value>(&self, x: &mut [X], y: &mut [f64]) {
         let (x, _) = x.as_chunks_mut::<B>();
         let (y, _) = y.as_chunks_mut::<B>();
         self.halo.exchange.update_ghosts_during(x, |x| {

@@ -81,8 +81,10 @@ pub struct Diverged {
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     basis: Vec<f64>,
-    /// Preconditioned vectors. They are rounded before A is applied to them: f32 loses nothing.
+    /// Preconditioned vectors. A is applied to them as they are: f32 loses nothing.
     preconditioned: Vec<f32>,
+    /// What is preconditioned.
+    narrow: Vec<f32>,
     z: Vec<f64>,
     r: Vec<f64>,
     /// Columns of the Hessenberg matrix, each of length restart + 2, turned triangular.
@@ -112,7 +114,7 @@ impl Workspace {
         if self.preconditioned.len() < m * n {
             self.preconditioned = vec![0.0; m * n];
         }
-        self.z.resize(n, 0.0);
+        self.narrow.resize(n, 0.0);
         self.hessenberg.resize(m * (m + 2), 0.0);
         self.again.resize(m + 2, 0.0);
         self.givens.resize(m, [0.0; 2]);
@@ -158,13 +160,10 @@ pub fn fgmres(
         let mut k = 0;
         loop {
             let (V, w) = work.basis.split_at_mut((k + 1) * n);
-            M.apply(&V[k * n..], &mut work.z);
             let z = &mut work.preconditioned[k * n..(k + 1) * n];
-            for (zj, z) in z.iter_mut().zip(&mut work.z) {
-                *zj = *z as f32;
-                *z = f64::from(*zj);
-            }
-            A.apply(&mut work.z, &mut w[..n]);
+            narrow(1.0, &V[k * n..], &mut work.narrow);
+            M.apply(&work.narrow, z);
+            A.apply(z, &mut w[..n]);
             let h = &mut work.hessenberg[k * (m + 2)..(k + 1) * (m + 2)];
             orthogonalise(product, &mut work.basis, n, k + 1, h, &mut work.again);
             iterations += 1;
@@ -255,6 +254,13 @@ fn subtract(basis: &mut [f64], n: usize, k: usize, h: &[f64]) {
 /// Length of the pieces that batched vector operations work on.
 pub(super) const PIECE: usize = 1024;
 
+/// v = a w, in single precision.
+fn narrow(a: f64, w: &[f64], v: &mut [f32]) {
+    for (v, w) in v.iter_mut().zip(w) {
+        *v = (a * w) as f32;
+    }
+}
+
 fn scale(a: f64, x: &mut [f64]) {
     for x in x {
         *x *= a;
@@ -291,9 +297,9 @@ pub fn cg(
     let n = x.len();
     work.r.resize(2 * n, 0.0);
     work.z.resize(n, 0.0);
-    work.basis.resize(work.basis.len().max(n), 0.0);
-    let z = &mut work.z;
-    let p = &mut work.basis[..n];
+    work.make_room(n, 1);
+    let (z, p) = (&mut work.z, &mut work.basis[..n]);
+    let narrow_z = &mut work.preconditioned[..n];
 
     let initial = residual(A, product, b, x, &mut work.r[..n]);
     let target = settings.absolute.max(settings.relative * initial);
@@ -319,7 +325,11 @@ pub fn cg(
         if iterations >= settings.max_iterations {
             return Err(fail(Reason::MaxIterations, iterations, residual));
         }
-        M.apply(&work.r[..n], z);
+        narrow(1.0 / residual, &work.r[..n], &mut work.narrow);
+        M.apply(&work.narrow, narrow_z);
+        for (z, narrow) in z.iter_mut().zip(&*narrow_z) {
+            *z = residual * f64::from(*narrow);
+        }
         let mut zr_zq = [0.0; 2];
         product.dots(&work.r, z, &mut zr_zq);
         // β = (z, r − r_old)/ρ with r − r_old = −α q.

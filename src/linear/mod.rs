@@ -1,6 +1,7 @@
 //! Sparse blocks, Krylov methods, multigrid: no physics.
 //!
-//! `operator` what a method needs to know · `krylov` FGMRES and CG · `pattern` which entries matrices have · `block_csr` the matrix ·
+//! `operator` what a method needs to know · `krylov` FGMRES and CG · `pattern` which entries matrices have · `block_csr` the matrix,
+//! `saddle` that of the coupled flow system ·
 //! `relaxation` one-level preconditioners · `multigrid` for scalar diffusion ·
 //! `schur` for the coupled flow system, `viscous` its part where viscosity rules · `distributed` the only file that meets the ranks.
 
@@ -11,14 +12,16 @@ pub mod multigrid;
 pub mod operator;
 pub mod pattern;
 pub mod relaxation;
+pub mod saddle;
 pub mod schur;
 pub mod viscous;
 
-pub use block_csr::{BlockCsr, Value};
+pub use block_csr::{BlockCsr, Rows, Value};
 pub use distributed::{DistributedOperator, Halo, NodeGraph, OwnedProduct};
 pub use krylov::{Converged, Diverged, KrylovSettings, Reason, Workspace, cg, fgmres};
 pub use multigrid::{Multigrid, MultigridSettings};
 pub use operator::{Identity, InnerProduct, Operator, Preconditioner};
 pub use pattern::Pattern;
-pub use schur::{SchurPreconditioner, residual_weights};
+pub use saddle::{SaddleCsr, residual_weights};
+pub use schur::SchurPreconditioner;
 pub use viscous::ViscousOperators;

@@ -3,16 +3,19 @@
 //! Vectors are flat and of local length: owned entries first, then ghosts. A method written over
 //! these three traits is the same on one rank and on many.
 
+use super::block_csr::Value;
+
 /// A linear operator.
 pub trait Operator {
     /// y = A x. Ghosts of `x` are updated inside; owned rows of `y` are set, its ghosts are zero.
-    fn apply(&self, x: &mut [f64], y: &mut [f64]);
+    fn apply<X: Value>(&self, x: &mut [X], y: &mut [f64]);
 }
 
 /// An approximate inverse, which may differ from call to call.
 pub trait Preconditioner {
-    /// z ≈ A⁻¹ r. Reads owned entries of `r`; sets owned entries of `z`, whose ghosts are stale.
-    fn apply(&mut self, r: &[f64], z: &mut [f64]);
+    /// z ≈ A⁻¹ r, in single precision: an approximation loses nothing by it. Reads owned entries of `r`, which is
+    /// of length about one; sets owned entries of `z`, whose ghosts are stale.
+    fn apply(&mut self, r: &[f32], z: &mut [f32]);
 }
 
 /// An inner product over owned entries of all ranks.
@@ -33,7 +36,7 @@ pub trait InnerProduct {
 pub struct Identity;
 
 impl Preconditioner for Identity {
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+    fn apply(&mut self, r: &[f32], z: &mut [f32]) {
         z.copy_from_slice(r);
     }
 }

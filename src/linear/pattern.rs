@@ -13,8 +13,12 @@ pub struct Pattern {
     diagonals: OnceLock<Vec<u32>>,
 }
 
-/// Where each element's 16 node pairs go: `[e][4 i + j]`, counted from the beginning of row i.
-pub type ElementPlaces = Vec<[u16; 16]>;
+/// Where each element's 16 node pairs go: `[e][4 i + j]`, counted from the beginning of row i; `FAR` has to be looked
+/// up.
+pub type ElementPlaces = Vec<[u8; 16]>;
+
+/// A place that a byte does not reach, in a row of more entries than any good mesh has.
+pub const FAR: u8 = u8::MAX;
 
 impl Pattern {
     /// Of these rows.
@@ -64,7 +68,7 @@ impl Pattern {
         let pattern = Self::new(row_start, columns);
         let place = |i: u32, j: u32| {
             if (i as usize) < n_rows {
-                (pattern.entry(i, j) - pattern.row_start[i as usize]) as u16
+                (pattern.entry(i, j) - pattern.row_start[i as usize]).min(u32::from(FAR)) as u8
             } else {
                 0
             }

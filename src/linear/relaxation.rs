@@ -1,10 +1,8 @@
 //! One-level preconditioners for scalar equations: z = D⁻¹ r, and symmetric Gauss-Seidel
 //! z = (D + U)⁻¹ D (D + L)⁻¹ r with the triangles of this rank's own rows and columns.
 
-use super::block_csr::BlockCsr;
+use super::block_csr::{BlockCsr, Value};
 use super::operator::Preconditioner;
-use super::pattern::Pattern;
-use std::sync::Arc;
 
 /// z = D⁻¹ r.
 #[derive(Clone, Debug, Default)]
@@ -21,9 +19,9 @@ impl Jacobi {
 }
 
 impl Preconditioner for Jacobi {
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+    fn apply(&mut self, r: &[f32], z: &mut [f32]) {
         for ((z, r), d) in z.iter_mut().zip(r).zip(&self.inverse) {
-            *z = r * d;
+            *z = (f64::from(*r) * d) as f32;
         }
     }
 }
@@ -31,42 +29,60 @@ impl Preconditioner for Jacobi {
 /// Symmetric Gauss-Seidel on this rank's diagonal block; the matrix need not be symmetric.
 #[derive(Clone, Debug, Default)]
 pub struct SymmetricGaussSeidel {
-    pattern: Arc<Pattern>,
-    values: Vec<f32>,
-    inverse: Vec<f64>,
+    inverse: Vec<f32>,
 }
 
 impl SymmetricGaussSeidel {
-    /// Copies this matrix, whose diagonal entries are not zero.
-    pub fn setup(&mut self, a: &BlockCsr<1>) {
-        self.pattern = a.pattern.clone();
-        self.values.clear();
-        self.values.extend(a.values.iter().map(|v| v[0][0] as f32));
+    /// Of this matrix, whose diagonal entries are not zero.
+    pub fn setup(&mut self, a: &BlockCsr<1, impl Value>) {
         self.inverse.clear();
-        self.inverse.extend((0..a.n_rows()).map(|i| 1.0 / a.diagonal(i)[0][0]));
+        let inverse = |i| (1.0 / a.diagonal(i)[0][0].into()) as f32;
+        self.inverse.extend((0..a.n_rows()).map(inverse));
+    }
+
+    /// With the matrix of the last `setup`.
+    pub fn with<'a, T>(&'a self, matrix: &'a BlockCsr<1, T>) -> Sweeps<'a, T> {
+        Sweeps { matrix, inverse: &self.inverse }
     }
 }
 
-impl Preconditioner for SymmetricGaussSeidel {
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        let (n, columns) = (self.pattern.n_rows(), &self.pattern.columns);
+/// Its sweeps over a matrix.
+#[derive(Clone, Copy, Debug)]
+pub struct Sweeps<'a, T> {
+    matrix: &'a BlockCsr<1, T>,
+    inverse: &'a [f32],
+}
+
+/// What is smaller counts as zero: a sweep spreads ever smaller numbers, and arithmetic with those that are too small
+/// for an exponent is slow.
+const LEAST: f64 = 1e-30;
+
+#[inline]
+fn rounded(z: f64) -> f32 {
+    if z.abs() < LEAST { 0.0 } else { z as f32 }
+}
+
+impl<T: Value> Preconditioner for Sweeps<'_, T> {
+    fn apply(&mut self, r: &[f32], z: &mut [f32]) {
+        let (n, pattern) = (self.matrix.n_rows(), &self.matrix.pattern);
+        let row = |entries: std::ops::Range<usize>| {
+            pattern.columns[entries.clone()].iter().zip(&self.matrix.values[entries])
+        };
         for i in 0..n {
-            let left = self.pattern.left(i);
-            let mut sum = r[i];
-            for (a, &j) in self.values[left.clone()].iter().zip(&columns[left]) {
-                sum -= f64::from(*a) * z[j as usize];
+            let mut sum = f64::from(r[i]);
+            for (&j, a) in row(pattern.left(i)) {
+                sum -= a[0][0].into() * f64::from(z[j as usize]);
             }
-            z[i] = sum * self.inverse[i];
+            z[i] = rounded(sum * f64::from(self.inverse[i]));
         }
         for i in (0..n).rev() {
-            let right = self.pattern.right(i);
             let mut sum = 0.0;
-            for (a, &j) in self.values[right.clone()].iter().zip(&columns[right]) {
+            for (&j, a) in row(pattern.right(i)) {
                 if (j as usize) < n {
-                    sum += f64::from(*a) * z[j as usize];
+                    sum += a[0][0].into() * f64::from(z[j as usize]);
                 }
             }
-            z[i] -= sum * self.inverse[i];
+            z[i] = rounded(f64::from(z[i]) - sum * f64::from(self.inverse[i]));
         }
     }
 }

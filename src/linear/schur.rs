@@ -6,65 +6,36 @@
 //! projection step. Velocity gets one forward and one backward half sweep of 3×3 blocks within the
 //! rank; ghosts are exchanged between them. Where viscosity rules, that is not enough: see `viscous`.
 //!
-//! Everything is stored in f32, split so that each half sweep streams what it needs: the forward one
-//! `[A G]` left of the diagonal and `G` right of it, the backward one `A` right of the diagonal.
+//! All in f32. The matrix is read where it is; it is stored as the half sweeps want it (`saddle`).
 
 #![allow(non_snake_case)]
 
-use super::block_csr::{BlockCsr, Value};
+use super::block_csr::BlockCsr;
 use super::distributed::Halo;
 use super::multigrid::Multigrid;
 use super::operator::Preconditioner;
-use super::pattern::Pattern;
+use super::saddle::SaddleCsr;
 use super::viscous::{ViscousCorrection, ViscousOperators};
-use std::sync::Arc;
+use std::hint::black_box;
 
-/// The preconditioner; unknowns of a node are (u, v, w, p).
-///
-/// Blocks are columns of three values one after another. A column is read as a vector of four, whose
-/// last lane means nothing; hence one value more at the end of each list.
+/// The preconditioner.
 #[derive(Clone, Debug)]
 pub struct SchurPreconditioner {
     halo: Halo,
     multigrid: Multigrid,
-    pattern: Arc<Pattern>,
-    left: Triangle,
-    right: Triangle,
-    /// `[A_ij G_ij]` left of the diagonal.
-    left_blocks: Vec<f32>,
-    /// `G_ij` right of the diagonal.
-    right_gradients: Vec<f32>,
-    /// `A_ij` right of the diagonal.
-    right_blocks: Vec<f32>,
-    nodes: Vec<Own>,
-    z: Vec<[f32; 4]>,
+    /// Columns of A_ii⁻¹, each with a fourth entry 0.
+    inverse: Vec<[[f32; 4]; 3]>,
     viscous: Option<ViscousCorrection>,
     /// Changes of the backward half sweep, and what they leave of the right-hand side.
     change: Vec<[f32; 4]>,
     left_over: Vec<[f32; 4]>,
 }
 
-/// What a row has on its diagonal.
-#[derive(Clone, Copy, Debug)]
-struct Own {
-    /// Columns of A_ii⁻¹, each with a fourth entry 0.
-    inverse: [[f32; 4]; 3],
-    /// G_ii
-    gradient: [f32; 4],
-}
-
-/// Entries of all rows on one side of the diagonal.
-#[derive(Clone, Debug, Default)]
-struct Triangle {
-    start: Vec<u32>,
-    columns: Vec<u32>,
-}
-
-impl Triangle {
-    #[inline]
-    fn row(&self, i: usize) -> std::ops::Range<usize> {
-        self.start[i] as usize..self.start[i + 1] as usize
-    }
+/// It, and the matrix it was set up with.
+#[derive(Debug)]
+pub struct Schur<'a> {
+    parts: &'a mut SchurPreconditioner,
+    matrix: &'a SaddleCsr,
 }
 
 impl SchurPreconditioner {
@@ -73,14 +44,7 @@ impl SchurPreconditioner {
         Self {
             halo: halo.clone(),
             multigrid: Multigrid::new(halo),
-            pattern: Default::default(),
-            left: Triangle::default(),
-            right: Triangle::default(),
-            left_blocks: Vec::new(),
-            right_gradients: Vec::new(),
-            right_blocks: Vec::new(),
-            nodes: Vec::new(),
-            z: vec![[0.0; 4]; halo.n_local()],
+            inverse: Vec::new(),
             viscous: None,
             change: Vec::new(),
             left_over: Vec::new(),
@@ -91,54 +55,20 @@ impl SchurPreconditioner {
     /// of A are regular; a node with constrained velocity or pressure has identity-like rows and
     /// columns, in `l` too. `viscous` if viscosity rules, on all ranks or on none. Nothing is kept
     /// from earlier calls but memory.
-    pub fn setup(
-        &mut self,
-        a: &BlockCsr<4, impl Value>,
-        l: &BlockCsr<1>,
-        viscous: Option<&ViscousOperators>,
-    ) {
+    pub fn setup(&mut self, a: &SaddleCsr, l: &BlockCsr<1>, viscous: Option<&ViscousOperators>) {
         self.multigrid.setup(l);
         self.viscous = viscous.map(|operators| {
             let mut correction = ViscousCorrection::new(&self.halo);
             correction.setup(operators);
             correction
         });
-        if !Arc::ptr_eq(&self.pattern, &a.pattern) {
-            self.pattern = a.pattern.clone();
-            let side = |is_in: fn(usize, usize) -> bool| {
-                let mut side = Triangle { start: vec![0], columns: Vec::new() };
-                for i in 0..a.n_rows() {
-                    let row = a.pattern.columns_of(i).iter().filter(|&&j| is_in(j as usize, i));
-                    side.columns.extend(row);
-                    side.start.push(side.columns.len() as u32);
-                }
-                side
-            };
-            (self.left, self.right) = (side(|j, i| j < i), side(|j, i| j > i));
-        }
-        for list in [&mut self.left_blocks, &mut self.right_gradients, &mut self.right_blocks] {
-            list.clear();
-        }
-        self.nodes.clear();
-        for i in 0..a.n_rows() {
-            let row = &a.values[a.row(i)];
-            let n_left = self.left.row(i).len();
-            for v in &row[..n_left] {
-                let block: [f32; 12] = std::array::from_fn(|k| v[k % 3][k / 3].into() as f32);
-                self.left_blocks.extend_from_slice(&block);
-            }
-            let own = row[n_left].map(|row| row.map(Into::into));
-            let gradient = [own[0][3], own[1][3], own[2][3], 0.0].map(|g| g as f32);
-            self.nodes.push(Own { inverse: inverse(&own), gradient });
-            for v in &row[n_left + 1..] {
-                let block: [f32; 9] = std::array::from_fn(|k| v[k % 3][k / 3].into() as f32);
-                self.right_blocks.extend_from_slice(&block);
-                self.right_gradients.extend_from_slice(&[0, 1, 2].map(|r| v[r][3].into() as f32));
-            }
-        }
-        for list in [&mut self.left_blocks, &mut self.right_gradients, &mut self.right_blocks] {
-            list.push(0.0);
-        }
+        self.inverse.clear();
+        self.inverse.extend((0..a.n_rows()).map(|i| inverse(a.own(i))));
+    }
+
+    /// With the matrix of the last `setup`.
+    pub fn with<'a>(&'a mut self, matrix: &'a SaddleCsr) -> Schur<'a> {
+        Schur { parts: self, matrix }
     }
 
     /// The multigrid of the pressure operator.
@@ -147,122 +77,135 @@ impl SchurPreconditioner {
     }
 
     /// u_i = A_ii⁻¹ (r − G p − Σ A_ij u_j over columns before i), from the first row to the last.
-    fn forward(&mut self, r: &[[f64; 4]]) {
-        for (i, own) in self.nodes.iter().enumerate() {
-            let mut sum = [[0.0; 4]; 4];
-            for e in self.right.row(i) {
-                let x = &self.z[self.right.columns[e] as usize];
-                add_columns(&mut sum[3..], &self.right_gradients[3 * e..], &x[3..]);
+    fn forward(&self, a: &SaddleCsr, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
+        for (i, inverse) in self.inverse.iter().enumerate() {
+            let (mut sum, mut known) = ([[0.0; 4]; 3], [0.0; 4]);
+            let (at, columns) = a.right(i);
+            for (at, &j) in (at..).zip(columns) {
+                let (column, p) = (a.right_column(at), z[j as usize][3]);
+                (0..4).for_each(|r| known[r] += column[r] * p);
             }
             // The row above, computed last, comes last: sums of several rows overlap.
-            for e in self.left.row(i) {
-                let x = &self.z[self.left.columns[e] as usize];
-                add_columns(&mut sum, &self.left_blocks[12 * e..], x);
+            for (block, j) in a.left(i) {
+                add_rows::<4>(&mut sum, block.as_flattened(), &z[j]);
             }
-            let p = self.z[i][3];
-            let left: [f32; 4] = std::array::from_fn(|a| {
-                let sum = (sum[0][a] + sum[1][a]) + (sum[2][a] + sum[3][a]);
-                (r[i][a] as f32 - own.gradient[a] * p) - sum
+            let (own, p) = (a.own(i), z[i][3]);
+            let sum = black_box(sum);
+            let left = std::array::from_fn(|k| match k {
+                3 => 0.0,
+                _ => (r[i][k] - own[k][3] * p - known[k]) - total(&sum[k]),
             });
-            self.z[i] = add_product([0.0, 0.0, 0.0, p], own, left);
+            z[i] = add_product([0.0, 0.0, 0.0, p], inverse, left);
         }
     }
 
     /// The same system from the last row to the first. Row i holds for the columns before it; the
     /// later ones, and the ghosts, have changed from zero.
-    fn backward(&mut self) {
-        for (i, own) in self.nodes.iter().enumerate().rev() {
+    fn backward(&self, a: &SaddleCsr, z: &mut [[f32; 4]]) {
+        for (i, inverse) in self.inverse.iter().enumerate().rev() {
             let mut sum = [[0.0; 4]; 3];
-            for e in self.right.row(i).rev() {
-                let x = &self.z[self.right.columns[e] as usize];
-                add_columns(&mut sum, &self.right_blocks[9 * e..], &x[..3]);
+            let (at, columns) = a.right(i);
+            for (k, &j) in columns.iter().enumerate().rev() {
+                add_rows::<3>(&mut sum, a.right_block(at + k), &velocity(&z[j as usize]));
             }
-            let change = std::array::from_fn(|a| -((sum[0][a] + sum[1][a]) + sum[2][a]));
-            self.z[i] = add_product(self.z[i], own, change);
+            z[i] = add_product(z[i], inverse, minus(sum));
         }
     }
-}
 
-impl SchurPreconditioner {
     /// What is left of the momentum rows after the backward half sweep, when each row held with the
     /// columns before it and the ghosts as they were then. Ghosts of `change` are valid.
-    fn find_left_over(&mut self) {
-        let n = self.nodes.len();
+    fn find_left_over(&mut self, a: &SaddleCsr) {
+        let n = self.inverse.len();
         self.left_over.resize(n, [0.0; 4]);
         for (i, left_over) in self.left_over.iter_mut().enumerate() {
-            let mut sum = [[0.0; 4]; 4];
-            for e in self.left.row(i) {
-                let x = &self.change[self.left.columns[e] as usize];
-                add_columns(&mut sum, &self.left_blocks[12 * e..], x);
+            let mut sum = [[0.0; 4]; 3];
+            for (block, j) in a.left(i) {
+                add_rows::<4>(&mut sum, block.as_flattened(), &velocity(&self.change[j]));
             }
-            for e in self.right.row(i).filter(|&e| self.right.columns[e] as usize >= n) {
-                let x = &self.change[self.right.columns[e] as usize];
-                add_columns(&mut sum[..3], &self.right_blocks[9 * e..], &x[..3]);
+            let (at, columns) = a.right(i);
+            for (at, &j) in (at..).zip(columns).filter(|(_, j)| **j as usize >= n) {
+                add_rows::<3>(&mut sum, a.right_block(at), &velocity(&self.change[j as usize]));
             }
-            *left_over = std::array::from_fn(|a| -((sum[0][a] + sum[1][a]) + sum[2][a]));
+            *left_over = minus(sum);
         }
     }
 
-    fn correct_viscous(&mut self) {
-        for (change, z) in self.change.iter_mut().zip(&self.z) {
+    fn correct_viscous(&mut self, a: &SaddleCsr, z: &mut [[f32; 4]]) {
+        for (change, z) in self.change.iter_mut().zip(&*z) {
             *change = std::array::from_fn(|a| z[a] - change[a]);
         }
         self.halo.update_ghosts(&mut self.change);
-        self.find_left_over();
+        self.find_left_over(a);
         if let Some(viscous) = &mut self.viscous {
-            viscous.add_velocity(&self.left_over, &mut self.z);
+            viscous.add_velocity(&self.left_over, z);
         }
     }
 }
 
-impl Preconditioner for SchurPreconditioner {
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        let (r, _) = r.as_chunks::<4>();
-        for (b, r) in self.multigrid.right_hand_side().iter_mut().zip(r) {
-            *b = r[3] as f32;
+impl Preconditioner for Schur<'_> {
+    fn apply(&mut self, r: &[f32], z: &mut [f32]) {
+        let (a, parts) = (self.matrix, &mut *self.parts);
+        let ((r, _), (z, _)) = (r.as_chunks::<4>(), z.as_chunks_mut::<4>());
+        for (b, r) in parts.multigrid.right_hand_side().iter_mut().zip(r) {
+            *b = r[3];
         }
-        for (z, p) in self.z.iter_mut().zip(self.multigrid.cycle()) {
+        for (z, p) in z.iter_mut().zip(parts.multigrid.cycle()) {
             *z = [0.0, 0.0, 0.0, *p];
         }
-        if let Some(viscous) = &self.viscous {
-            viscous.add_pressure(r, &mut self.z);
+        if let Some(viscous) = &parts.viscous {
+            viscous.add_pressure(r, z);
         }
-        self.halo.update_ghosts(&mut self.z);
-        self.forward(r);
-        self.halo.update_ghosts(&mut self.z);
-        if self.viscous.is_some() {
-            self.change.clone_from(&self.z);
+        parts.halo.update_ghosts(z);
+        parts.forward(a, r, z);
+        parts.halo.update_ghosts(z);
+        if parts.viscous.is_some() {
+            parts.change.clear();
+            parts.change.extend_from_slice(z);
         }
-        self.backward();
-        if self.viscous.is_some() {
-            self.correct_viscous();
-        }
-        for (z, x) in z.iter_mut().zip(self.z.as_flattened()) {
-            *z = f64::from(*x);
+        parts.backward(a, z);
+        if parts.viscous.is_some() {
+            parts.correct_viscous(a, z);
         }
     }
 }
 
-/// sum_c += column c of the block · x_c, with a value more after the block.
+/// sum_r += row r of the block · x, lane by lane; rows are `STRIDE` values apart.
 #[inline]
-fn add_columns(sum: &mut [[f32; 4]], block: &[f32], x: &[f32]) {
-    for (c, (sum, x)) in sum.iter_mut().zip(x).enumerate() {
-        for r in 0..4 {
-            sum[r] += block[3 * c + r] * x;
+fn add_rows<const STRIDE: usize>(sum: &mut [[f32; 4]; 3], block: &[f32], x: &[f32; 4]) {
+    for (r, sum) in sum.iter_mut().enumerate() {
+        for c in 0..4 {
+            sum[c] += block[STRIDE * r + c] * x[c];
         }
     }
+}
+
+/// Without the pressure: what stands behind a row of three counts for nothing.
+#[inline]
+fn velocity(z: &[f32; 4]) -> [f32; 4] {
+    [z[0], z[1], z[2], 0.0]
+}
+
+#[inline]
+fn total(lanes: &[f32; 4]) -> f32 {
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+}
+
+#[inline]
+fn minus(sum: [[f32; 4]; 3]) -> [f32; 4] {
+    // Seen through, sums across lanes make the compiler turn every block that it reads.
+    let sum = black_box(sum);
+    [-total(&sum[0]), -total(&sum[1]), -total(&sum[2]), 0.0]
 }
 
 /// z + A_ii⁻¹ x, all four lanes at once: z is read next as one vector.
 #[inline]
-fn add_product(z: [f32; 4], own: &Own, x: [f32; 4]) -> [f32; 4] {
-    let m = &own.inverse;
+fn add_product(z: [f32; 4], m: &[[f32; 4]; 3], x: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|r| (z[r] + m[0][r] * x[0]) + (m[1][r] * x[1] + m[2][r] * x[2]))
 }
 
 /// Columns of the inverse of the velocity part of a node's block.
-fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 4]; 3] {
-    let m = |r: usize, c: usize| block[r % 3][c % 3];
+fn inverse(block: &[[f32; 4]; 3]) -> [[f32; 4]; 3] {
+    let m = |r: usize, c: usize| f64::from(block[r % 3][c % 3]);
     let cofactor =
         |r: usize, c: usize| m(r + 1, c + 1) * m(r + 2, c + 2) - m(r + 1, c + 2) * m(r + 2, c + 1);
     let det = m(0, 0) * cofactor(0, 0) + m(0, 1) * cofactor(0, 1) + m(0, 2) * cofactor(0, 2);
@@ -270,17 +213,4 @@ fn inverse(block: &[[f64; 4]; 4]) -> [[f32; 4]; 3] {
         let entry = |r: usize| (cofactor(c, r) / det) as f32;
         [entry(0), entry(1), entry(2), 0.0]
     })
-}
-
-/// Weights of the inner product in which residuals are measured, for each owned unknown: 1/a_ii of
-/// the momentum rows and 1/l_ii of the continuity row. Residuals squared are then energies, whatever
-/// the densities; a mass defect and a momentum defect count alike.
-pub fn residual_weights(a: &BlockCsr<4, impl Value>, l: &BlockCsr<1>, weights: &mut Vec<f64>) {
-    weights.clear();
-    for i in 0..a.n_rows() {
-        let (block, l) = (a.diagonal(i), l.diagonal(i)[0][0]);
-        weights.extend(
-            [block[0][0].into(), block[1][1].into(), block[2][2].into(), l].map(|d| 1.0 / d),
-        );
-    }
 }

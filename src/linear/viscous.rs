@@ -51,9 +51,9 @@ impl ViscousCorrection {
     }
 
     /// z_p += θμ M⁻¹ r_p.
-    pub fn add_pressure(&self, r: &[[f64; 4]], z: &mut [[f32; 4]]) {
+    pub fn add_pressure(&self, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
         for ((z, r), p) in z.iter_mut().zip(r).zip(&self.pressure) {
-            z[3] += p * r[3] as f32;
+            z[3] += p * r[3];
         }
     }
 

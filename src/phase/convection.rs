@@ -43,7 +43,7 @@ impl Convection {
 /// The matrix for φ* = φ_h, rows divided by the lumped mass, and Δt (C + K) φⁿ in `constant`, with the
 /// diffusion γδ of the forms that have it.
 pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>) {
-    phase.solver.matrix.clear();
+    phase.solver.chord.clear();
     phase.solver.constant.fill(0.0);
     for e in 0..part.assembled().len() {
         let t = Tetrahedron::of(&part.mesh, e);
@@ -98,7 +98,7 @@ fn add_element(
         for j in 0..4 {
             let mass = fluid.second(i, j) + c.tau * c.mean[i] * fluid.first(j);
             let space = convection[j] + supg * c.mean[j] + diffusion * dot(t.grad[i], t.grad[j]);
-            s.matrix.values[at[j]][0][0] += scale * (mass + 0.5 * dt * space);
+            s.chord.values[at[j]][0][0] += scale * (mass + 0.5 * dt * space);
         }
     }
 }
@@ -161,8 +161,7 @@ pub(super) fn add_profile(
         if w == 0.0 {
             continue;
         }
-        let flux =
-            face_flux(part, &CutMesh::whole(), face, given.velocity, &phase.profile, w).excess;
+        let flux = face_flux(part, &CutMesh::whole(), face, given.velocity, &phase.phi, w).excess;
         for (&i, f) in face.nodes.iter().zip(flux) {
             if (i as usize) < n_owned {
                 out[i as usize] += half * f;
@@ -255,8 +254,8 @@ pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>)
             for j in 0..4 {
                 let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
                 let along = c.mean[j] * (p.slope * nodes[j].ds() - w) + along * p.curvature[j];
-                s.matrix.values[at[j]][0][0] += scale
-                    * (g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along));
+                let value = g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along);
+                s.matrix.values[at[j]][0][0] += scale * value;
             }
         }
     }

@@ -94,7 +94,8 @@ pub struct Phase {
     ratio: Vec<f64>,
     /// λ_e of `regularise`.
     stiffness: Vec<f32>,
-    /// R + S of local elements over the last step: the regularisation's, mean of its sub-steps, and SUPG's [m/s].
+    /// R + S of local elements over the last step: the regularisation's, mean of its sub-steps, and SUPG's [m/s]. Empty
+    /// while it is lent.
     flux: Vec<[f64; 3]>,
     solver: transport::Solver,
     // Scratch.
@@ -243,7 +244,8 @@ impl Phase {
             .fold(0.0, f64::max);
         let speed = self.mobility * part.max(top).sqrt();
         let given = Given { dt, velocity, fine_scale, inflow, speed };
-        self.flux.fill([0.0; 3]);
+        self.flux.clear();
+        self.flux.resize(part.mesh.tets.len(), [0.0; 3]);
         let mut report = transport::step(self, part, cut, &given)?;
         self.stages[0].copy_from_slice(&self.phi);
         if self.form == Form::Psi {
@@ -276,9 +278,16 @@ impl Phase {
     }
 
     /// R + S of local elements over the last step [m/s]: liquid moves by −(R + S) against the fluid. Empty but in
-    /// ψ form.
-    pub fn flux(&self) -> &[[f64; 3]] {
-        if self.form == Form::Psi { &self.flux } else { &[] }
+    /// ψ form. To be given back before the next step.
+    pub fn lend_flux(&mut self) -> Vec<[f64; 3]> {
+        if self.form == Form::Psi { std::mem::take(&mut self.flux) } else { Vec::new() }
+    }
+
+    /// What was lent: its memory is used again.
+    pub fn take_back(&mut self, flux: Vec<[f64; 3]>) {
+        if self.form == Form::Psi {
+            self.flux = flux;
+        }
     }
 
     /// Targets and sums of the volume correction.

@@ -56,7 +56,7 @@ pub fn sigmoid(s: f64) -> f64 {
 }
 
 /// What elements ask of a node.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Node {
     /// φ.
     pub phi: f64,
@@ -64,9 +64,12 @@ pub struct Node {
     pub q: f64,
     /// ψ/δ, clipped.
     pub s: f64,
-    /// e^{−b s} and e^{−(1−4b) s} of both orbits.
+    /// e^{−b s} and e^{−(1−4b) s} of both orbits; NaN if they have not been asked for.
     powers: [f64; 4],
 }
+
+/// Of no φ yet.
+const UNKNOWN: Node = Node { phi: f64::NAN, q: 0.0, s: 0.0, powers: [f64::NAN; 4] };
 
 fn powers_of(s: f64) -> [f64; 4] {
     let [(a, _), (b, _)] = TETRAHEDRON_CUBIC;
@@ -102,24 +105,26 @@ enum Place {
 impl Profile {
     /// Of these nodal values; `powers` only if moments will be asked for.
     pub fn set(&mut self, phi: &[f64], powers: bool) {
-        self.nodes.resize(phi.len(), Node::default());
-        self.place.clear();
-        self.place.extend(phi.iter().map(|phi| match phi * (1.0 - phi) {
-            q if q > OUTER => Place::Band,
-            q if q <= -OVERSHOOT => Place::Outside,
-            _ => Place::Pure,
-        }));
+        self.nodes.resize(phi.len(), UNKNOWN);
+        self.place.resize(phi.len(), Place::Pure);
         let clipped = [powers_of(-CLIP), powers_of(CLIP)];
-        for (node, &phi) in self.nodes.iter_mut().zip(phi) {
-            (node.phi, node.q) = (phi, phi * (1.0 - phi));
-            node.s = logit(phi);
-            if powers {
-                node.powers = if node.s.abs() == CLIP {
-                    clipped[(node.s > 0.0) as usize]
-                } else {
-                    powers_of(node.s)
-                };
+        for ((node, place), &phi) in self.nodes.iter_mut().zip(&mut self.place).zip(phi) {
+            // Most of the mesh is all liquid or gas, and stays so.
+            if node.phi == phi && !(powers && node.powers[0].is_nan()) {
+                continue;
             }
+            let (q, s) = (phi * (1.0 - phi), logit(phi));
+            *place = match q {
+                q if q > OUTER => Place::Band,
+                q if q <= -OVERSHOOT => Place::Outside,
+                _ => Place::Pure,
+            };
+            let powers = match s.abs() == CLIP {
+                true => clipped[usize::from(s > 0.0)],
+                false if powers => powers_of(s),
+                false => [f64::NAN; 4],
+            };
+            *node = Node { phi, q, s, powers };
         }
     }
 

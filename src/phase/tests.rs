@@ -350,7 +350,7 @@ fn flux_is_what_moves_beyond_the_velocity() {
         }
         for i in 0..4 {
             let carried: f64 = dot(u, t.grad[i]) * mean;
-            came[tet[i] as usize] += carried - t.volume * dot(phase.flux()[e], t.grad[i]);
+            came[tet[i] as usize] += carried - t.volume * dot(phase.flux[e], t.grad[i]);
         }
     }
     let inside = |i: usize| part.mesh.nodes[i].iter().all(|&x| x > 1e-9 && x < 1.0 - 1e-9);
@@ -358,6 +358,6 @@ fn flux_is_what_moves_beyond_the_velocity() {
     let most = |f: &dyn Fn(usize) -> f64| nodes.iter().map(|&i| f(i).abs()).fold(0.0, f64::max);
     let moved = most(&|i| mass[1][i] - mass[0][i]);
     let wrong = most(&|i| mass[1][i] - mass[0][i] - dt * came[i]);
-    let streamline = most(&|i| dt * came[i]) > 0.0 && phase.flux().iter().any(|f| norm(*f) > 1e-3);
+    let streamline = most(&|i| dt * came[i]) > 0.0 && phase.flux.iter().any(|f| norm(*f) > 1e-3);
     assert!(streamline && wrong < 1e-10 * moved, "{wrong} of {moved}");
 }

@@ -43,7 +43,7 @@ use crate::mesh::MeshPart;
 const PASSES: [u32; 2] = [25, 6];
 /// How far the linear solve of one of Newton's passes reduces the residual it is given. The others are not
 /// driven to convergence: they are solved to the end, or what they leave would depend on the ranks.
-const PASS_TOLERANCE: f64 = 1e-2;
+const PASS_TOLERANCE: f64 = 1e-3;
 /// Growth of the residual from which the tangent is not trusted. At the clip of ψ it stays for a pass or two.
 const GROWTH: f64 = 2.0;
 /// Change of φ per step that counts as none (root of the sum of squares over nodes).
@@ -79,11 +79,11 @@ pub(super) struct Given<'a> {
 /// Matrix and vectors of the transport step, kept between steps.
 #[derive(Clone, Debug)]
 pub(super) struct Solver {
-    /// With the profile's tangent.
+    /// The matrix for φ* = φ_h.
+    pub chord: BlockCsr<1>,
+    /// That of a pass, with the profile's tangent.
     pub matrix: BlockCsr<1>,
     pub graph: NodeGraph,
-    /// Values of the matrix for φ* = φ_h.
-    chord: Vec<[[f64; 1]; 1]>,
     /// w of each element in this step.
     pub weight: Vec<f32>,
     smoother: SymmetricGaussSeidel,
@@ -103,9 +103,9 @@ impl Solver {
     pub fn new(part: &MeshPart, graph: &NodeGraph) -> Self {
         let zeros = vec![0.0; part.n_local()];
         Self {
+            chord: BlockCsr::zero(&graph.pattern),
             matrix: BlockCsr::zero(&graph.pattern),
             graph: graph.clone(),
-            chord: Vec::new(),
             weight: vec![0.0; part.mesh.tets.len()],
             smoother: SymmetricGaussSeidel::default(),
             krylov: Workspace::default(),
@@ -138,7 +138,6 @@ pub(super) fn step(
     phase.before.copy_from_slice(&phase.phi);
     phase.profile.set(&phase.phi, phase.profile_correction);
     assemble(phase, part, cut, given);
-    phase.solver.chord.clone_from(&phase.solver.matrix.values);
     let mut constant = std::mem::take(&mut phase.solver.constant);
     if phase.profile_correction {
         for (e, tet) in part.mesh.tets.iter().enumerate() {
@@ -198,7 +197,7 @@ pub(super) fn step(
         s.last.copy_from_slice(&phase.phi);
         let solved = fgmres(
             &DistributedOperator::new(&s.matrix, &s.graph.halo),
-            &mut s.smoother,
+            &mut s.smoother.with(&s.matrix),
             &product,
             &s.residual,
             &mut s.change,
@@ -254,9 +253,7 @@ fn residual(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>
     for ((d, new), old) in s.difference.iter_mut().zip(&phase.phi).zip(&phase.before) {
         *d = new - old;
     }
-    std::mem::swap(&mut s.chord, &mut s.matrix.values);
-    DistributedOperator::new(&s.matrix, &s.graph.halo).apply(&mut s.difference, &mut s.product);
-    std::mem::swap(&mut s.chord, &mut s.matrix.values);
+    DistributedOperator::new(&s.chord, &s.graph.halo).apply(&mut s.difference, &mut s.product);
     for i in 0..n_owned {
         r[i] = r[i] * phase.inverse_lumped[i] + s.product[i];
     }
@@ -286,7 +283,8 @@ fn add_plain(phase: &Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, o
 /// The matrix of a pass, with or without the tangent of the profile's part; rows of given φ, of the
 /// margin and of nodes without fluid become φ_i = given. The preconditioner follows.
 fn set_matrix(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<'_>, newton: bool) {
-    phase.solver.matrix.values.clone_from(&phase.solver.chord);
+    let Solver { matrix, chord, .. } = &mut phase.solver;
+    matrix.values.clone_from(&chord.values);
     if newton {
         add_tangent(phase, part, given);
     }
@@ -312,11 +310,11 @@ fn book_inflow(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given: &Given<
         return;
     }
     for old in [true, false] {
-        phase.profile.set(if old { &phase.before } else { &phase.phi }, false);
+        let phi = if old { &phase.before } else { &phase.phi };
         for &f in &phase.open_faces {
             let face = &part.mesh.boundary[f as usize];
             let w = f64::from(phase.solver.weight[face.element as usize]);
-            let flux = face_flux(part, cut, face, given.velocity, &phase.profile, w);
+            let flux = face_flux(part, cut, face, given.velocity, phi, w);
             for (i, &node) in face.nodes.iter().enumerate() {
                 if (node as usize) < part.n_owned() {
                     phase.inflow[node as usize] -=

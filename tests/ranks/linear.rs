@@ -129,17 +129,19 @@ pub fn flow_system_on_ranks(comm: &Communicator) {
             let halo = halo(part, &system);
             let b = problem.right_hand_side(part);
             let mut weights = Vec::new();
-            residual_weights(&system, &L, &mut weights);
+            let split = SaddleCsr::from(&system);
+            residual_weights(&split, &L, &mut weights);
             let product = OwnedProduct::weighted::<4>(&halo, &weights);
             let mut schur = SchurPreconditioner::new(&halo);
-            schur.setup(&system, &L, None);
+            schur.setup(&split, &L, None);
             let A = DistributedOperator::new(&system, &halo);
             let mut work = Workspace::default();
             let mut solve = |relative| {
                 let settings = KrylovSettings { relative, ..KrylovSettings::default() };
                 let mut x = vec![0.0; b.len()];
                 let done =
-                    fgmres(&A, &mut schur, &product, &b, &mut x, &settings, &mut work).unwrap();
+                    fgmres(&A, &mut schur.with(&split), &product, &b, &mut x, &settings, &mut work)
+                        .unwrap();
                 (done, x)
             };
             let (first, _) = solve(1e-3);
@@ -171,13 +173,13 @@ pub fn failed_solves_on_ranks(comm: &Communicator) {
     let settings = KrylovSettings { relative: 1e-9, max_iterations: 3, ..Default::default() };
     let mut work = Workspace::default();
     let mut x = vec![0.0; b.len()];
-    let failed = fgmres(&A, &mut relaxation, &product, &b, &mut x, &settings, &mut work);
+    let failed = fgmres(&A, &mut relaxation.with(&L), &product, &b, &mut x, &settings, &mut work);
     let failed = failed.unwrap_err();
     assert_eq!((failed.reason, failed.iterations), (Reason::MaxIterations, 3));
     assert_eq!(comm.max(failed.residual), failed.residual);
     if comm.rank() == comm.size() - 1 {
         b[0] = f64::NAN;
     }
-    let failed = cg(&A, &mut relaxation, &product, &b, &mut x, &settings, &mut work);
+    let failed = cg(&A, &mut relaxation.with(&L), &product, &b, &mut x, &settings, &mut work);
     assert_eq!(failed.unwrap_err().reason, Reason::NotFinite);
 }

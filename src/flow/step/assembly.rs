@@ -32,7 +32,7 @@ impl Flow {
                 }
             }
         }
-        let laplacian = if material.grad_mu == [0.0; 3] {
+        let laplacian = if material.grad_mu == [0.0; 3] && !self.laplacian.is_empty() {
             let l = tet.map(|n| self.laplacian[n as usize]);
             let share = 0.25 * viscous_force::share(&geometry);
             std::array::from_fn(|k| share * (l[0][k] + l[1][k] + l[2][k] + l[3][k]))
@@ -114,9 +114,16 @@ impl Flow {
             if matches!(cut.cell(e), Cell::Solid) {
                 continue;
             }
+            let tet = &part.mesh.tets[e];
+            if matrix {
+                for i in (0..4).filter(|&i| (tet[i] as usize) < n_owned) {
+                    for at in self.graph.entries(e, tet, i) {
+                        self.matrix.fetch(tet[i] as usize, at);
+                    }
+                }
+            }
             let element = self.element(part, material, e, &self.u, dt, theta);
             let system = self.system(part, cut, surfaces, e, &element);
-            let tet = &part.mesh.tets[e];
             let x = tet.map(|n| self.x[n as usize]);
             for i in 0..4 {
                 let node = tet[i] as usize;
@@ -129,12 +136,7 @@ impl Flow {
                     continue;
                 }
                 for (j, at) in self.graph.entries(e, tet, i).into_iter().enumerate() {
-                    let block = self.matrix.values[at].as_flattened_mut();
-                    for (block, add) in
-                        block.iter_mut().zip(system.matrix[4 * i + j].as_flattened())
-                    {
-                        *block += *add as f32;
-                    }
+                    self.matrix.add(node, at, &system.matrix[4 * i + j]);
                     self.pressure.values[at][0][0] += system.pressure[4 * i + j];
                 }
             }
@@ -185,9 +187,7 @@ impl Flow {
                 }
                 for j in (0..3).filter(|_| matrix) {
                     let slot = self.matrix.pattern.entry(nodes[i], nodes[j]) as usize;
-                    for k in 0..3 {
-                        self.matrix.values[slot][k][k] += (c * mass[i][j]) as f32;
-                    }
+                    self.matrix.add_velocity(n[i], slot, c * mass[i][j]);
                 }
             }
         }
@@ -282,9 +282,7 @@ impl Flow {
                         self.across.push(Entry { row, column, value });
                     } else if matrix {
                         let slot = self.matrix.pattern.entry(row, column) as usize;
-                        for k in 0..3 {
-                            self.matrix.values[slot][k][k] += value as f32;
-                        }
+                        self.matrix.add_velocity(row as usize, slot, value);
                     }
                 }
             }
@@ -302,9 +300,7 @@ impl Flow {
             }
             if matrix {
                 let at = self.matrix.pattern.diagonals()[i] as usize;
-                for k in 0..3 {
-                    self.matrix.values[at][k][k] += (theta * rate) as f32;
-                }
+                self.matrix.add_velocity(i, at, theta * rate);
             }
         }
     }
@@ -314,10 +310,9 @@ impl Flow {
         let n_owned = self.matrix.n_rows();
         for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
             let at = self.matrix.pattern.diagonals()[i] as usize;
-            for k in 0..4 {
-                self.matrix.values[at][k] = [0.0; 4];
-                self.matrix.values[at][k][k] = 1.0;
-            }
+            let one = |r: usize, c: usize| f64::from(u8::from(r == c));
+            let identity = std::array::from_fn(|r| std::array::from_fn(|c| one(r, c)));
+            self.matrix.set(i, at, &identity);
             self.pressure.values[at] = [[1.0]];
         }
     }
@@ -325,7 +320,7 @@ impl Flow {
     /// `r ← P r`: what is given is in `x` already.
     fn constrain_left(&mut self, cut: &CutMesh) {
         let n_owned = self.matrix.n_rows();
-        for (left, c) in self.left[..n_owned].iter_mut().zip(&self.constraints.nodes) {
+        for (left, c) in self.left[..n_owned].iter_mut().zip(self.constraints.nodes.iter()) {
             *left = c.project_all(*left);
         }
         for i in cut.dry_nodes.iter().map(|&i| i as usize).take_while(|&i| i < n_owned) {
@@ -338,8 +333,7 @@ impl Flow {
         let nodes = &self.constraints.nodes;
         for &(entry, i, j) in &self.constrained_entries {
             let (ci, cj) = (&nodes[i as usize], &nodes[j as usize]);
-            let stored = &mut self.matrix.values[entry as usize];
-            let original = stored.map(|row| row.map(f64::from));
+            let original = self.matrix.block(i as usize, entry as usize);
             let mut block = original;
             if !cj.is_free() {
                 for row in &mut block {
@@ -374,7 +368,7 @@ impl Flow {
             } else if ci.pressure_given == 1 || cj.pressure_given == 1 {
                 self.pressure.values[entry as usize][0][0] = 0.0;
             }
-            *stored = block.map(|row| row.map(|v| v as f32));
+            self.matrix.set(i as usize, entry as usize, &block);
         }
     }
 }

@@ -136,13 +136,9 @@ impl Multigrid {
 }
 
 impl Preconditioner for Multigrid {
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        for (b, r) in self.right_hand_side().iter_mut().zip(r) {
-            *b = *r as f32;
-        }
-        for (z, x) in z.iter_mut().zip(self.cycle()) {
-            *z = f64::from(*x);
-        }
+    fn apply(&mut self, r: &[f32], z: &mut [f32]) {
+        self.right_hand_side().copy_from_slice(r);
+        z.copy_from_slice(self.cycle());
     }
 }
 
