@@ -60,7 +60,7 @@ impl Bodies {
             }
         }
         for c in (0..leaves.len()).filter(|&c| leaves[c]) {
-            let Placed { pose, twist } = &placed[c];
+            let Placed { pose, twist, .. } = &placed[c];
             self.left.push(Left {
                 t: self.t,
                 cluster: c as u32,

@@ -16,6 +16,7 @@ use super::cohesion::Joints;
 use super::contact::{Twist, World};
 use super::motion::Load;
 use super::neighbours::{Partner, Touch};
+use super::step::Placed;
 use crate::shape::{Bounds, Pose};
 use nalgebra::{Quaternion, Unit, Vector3};
 use partition::{Communicator, Exchange, IndexMap};
@@ -175,14 +176,25 @@ impl Ownership {
     }
 
     /// What each owner knows of its clusters (`mine`, in the order of `owned`), for all of them. Collective.
-    pub fn gather(&self, mine: &[(Pose, Twist)]) -> Vec<(Pose, Twist)> {
-        let wire: Vec<[f64; NEAR]> =
-            mine.iter().map(|(pose, twist)| pack_near(pose, twist)).collect();
+    pub fn gather(&self, mine: &[Placed]) -> Vec<Placed> {
+        let pack = |placed: &Placed| {
+            let mut numbers = [0.0; NEAR + 6];
+            numbers[..NEAR].copy_from_slice(&pack_near(&placed.pose, &placed.twist));
+            numbers[NEAR..NEAR + 3].copy_from_slice(placed.end.velocity.as_slice());
+            numbers[NEAR + 3..].copy_from_slice(placed.end.spin.as_slice());
+            numbers
+        };
+        let unpack = |numbers: &[f64; NEAR + 6]| {
+            let (pose, twist) = unpack_near(numbers.first_chunk().expect("longer"));
+            let v = |i: usize| Vector3::from_column_slice(&numbers[i..i + 3]);
+            Placed { pose, twist, end: Twist { velocity: v(NEAR), spin: v(NEAR + 3) } }
+        };
+        let wire: Vec<[f64; NEAR + 6]> = mine.iter().map(pack).collect();
         let owned = self.comm.all_gather(&self.owned).into_iter().flatten();
         let wire = self.comm.all_gather(&wire).into_iter().flatten();
-        let mut all: Vec<(u32, [f64; NEAR])> = owned.zip(wire).collect();
+        let mut all: Vec<(u32, [f64; NEAR + 6])> = owned.zip(wire).collect();
         all.sort_unstable_by_key(|(c, _)| *c);
-        all.iter().map(|(_, numbers)| unpack_near(numbers)).collect()
+        all.iter().map(|(_, numbers)| unpack(numbers)).collect()
     }
 
     /// Largest over the ranks that share the work. Collective.

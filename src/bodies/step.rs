@@ -45,6 +45,8 @@ pub struct Placed {
     pub pose: crate::shape::Pose,
     /// Mean over the last `advance`: contact noise within it is not there.
     pub twist: Twist,
+    /// At its end.
+    pub end: Twist,
 }
 
 /// Clusters, walls and joints in motion.
@@ -450,28 +452,28 @@ impl Bodies {
     /// Every cluster's place before the last `advance`, the same on every rank. Collective.
     pub fn placed_before(&self) -> Vec<Placed> {
         let owned = self.ranks.owned().iter().map(|&c| c as usize);
-        let mine: Vec<_> = owned.map(|c| (self.before[c], Twist::default())).collect();
-        let all = self.ranks.gather(&mine).into_iter();
-        all.map(|(pose, twist)| Placed { pose, twist }).collect()
+        let placed = |c: usize| Placed {
+            pose: self.before[c],
+            twist: Twist::default(),
+            end: Twist::default(),
+        };
+        self.ranks.gather(&owned.map(placed).collect::<Vec<_>>())
     }
 
-    /// Every cluster's place now and the twist of its pose over the last `advance`, the same on every rank.
-    /// Collective.
+    /// Every cluster's place now, the twist of its pose over the last `advance` and that at its end, the same on
+    /// every rank. Collective.
     pub fn placed(&self) -> Vec<Placed> {
-        let twist = |c: usize| {
-            if self.last == 0.0 {
-                return Twist { velocity: self.state.velocity[c], spin: self.spin(c) };
-            }
-            let (then, now) = (&self.before[c], &self.state.pose[c]);
-            Twist {
-                velocity: (now.position - then.position) / self.last,
-                spin: (now.rotation * then.rotation.inverse()).scaled_axis() / self.last,
-            }
+        let placed = |&c: &u32| {
+            let c = c as usize;
+            let (then, pose) = (&self.before[c], self.state.pose[c]);
+            let end = Twist { velocity: self.state.velocity[c], spin: self.spin(c) };
+            let mean = || Twist {
+                velocity: (pose.position - then.position) / self.last,
+                spin: (pose.rotation * then.rotation.inverse()).scaled_axis() / self.last,
+            };
+            Placed { pose, twist: if self.last == 0.0 { end } else { mean() }, end }
         };
-        let owned = self.ranks.owned().iter().map(|&c| c as usize);
-        let mine: Vec<_> = owned.map(|c| (self.state.pose[c], twist(c))).collect();
-        let all = self.ranks.gather(&mine).into_iter();
-        all.map(|(pose, twist)| Placed { pose, twist }).collect()
+        self.ranks.gather(&self.ranks.owned().iter().map(placed).collect::<Vec<_>>())
     }
 
     /// Of each joint whether a point of it is unbroken, the same on every rank. Collective.

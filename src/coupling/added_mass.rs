@@ -3,6 +3,7 @@
 //! The added mass of a body is estimated from its projected areas, `m_a = π/8 ρ A^{3/2}`: a sphere's is exact
 //! within 5 %, a square plate's across within 15 %. Loose coupling gains the error `(m_a/m)` a step.
 
+use crate::bodies::contact::Twist;
 use crate::bodies::{Bodies, Placed};
 use crate::case;
 use crate::cut::CutMesh;
@@ -60,17 +61,17 @@ pub fn light(
 }
 
 /// Velocities and spins (times the arm) of the light bodies, six numbers each [m/s].
-pub fn velocities(light: &[Light], placed: &[Placed]) -> DVector<f64> {
+pub fn velocities<'a>(light: &[Light], twist: impl Fn(usize) -> &'a Twist) -> DVector<f64> {
     let mut x = DVector::zeros(6 * light.len());
     for (i, l) in light.iter().enumerate() {
-        let twist = &placed[l.body].twist;
+        let twist = twist(l.body);
         x.fixed_rows_mut::<3>(6 * i).copy_from(&twist.velocity);
         x.fixed_rows_mut::<3>(6 * i + 3).copy_from(&(twist.spin * l.arm));
     }
     x
 }
 
-/// The other way round.
+/// The other way round, for the walls.
 pub fn set_velocities(light: &[Light], x: &DVector<f64>, placed: &mut [Placed]) {
     for (i, l) in light.iter().enumerate() {
         let at = |k: usize| Vector3::new(x[6 * i + k], x[6 * i + k + 1], x[6 * i + k + 2]);

@@ -10,7 +10,7 @@ use crate::fem::dot;
 use crate::flow::{BodyLoad, Flow, Material};
 use crate::mesh::MeshPart;
 use crate::obstacles::Obstacles;
-use crate::shape::Bounds;
+use crate::shape::{Bounds, Shape};
 use nalgebra::Vector3;
 
 /// All of them: obstacles first, then bodies.
@@ -37,8 +37,11 @@ impl Structures {
         bodies: Option<&Bodies>,
     ) -> Self {
         let slip = case.bodies.as_ref().is_some_and(|b| b.slip);
-        let nodes = Nodes::new(part);
         let solids = obstacles.solids(0.0);
+        let clusters = bodies.map_or(&[][..], |b| &b.world.clusters);
+        let mut shapes =
+            solids.iter().map(|s| s.shape).chain(clusters.iter().map(|c| &c.form.shape));
+        let nodes = Nodes::new(part, shapes.any(Shape::is_round));
         let still = (0u32..).zip(&solids).filter(|(i, _)| !obstacles.moves(*i as usize));
         let still = LevelSet::nothing(part, &nodes).with(part, &nodes, still, &[]);
         Self {

@@ -1,5 +1,10 @@
 //! Signed distance to the structures at the nodes: `d = min over structures`, positive in the fluid, exact
-//! within one element's edge of a surface and cut off beyond.
+//! within one element's edge of a flat surface and cut off beyond.
+//!
+//! Between nodes the distance is linear, which makes of a ball of radius R a polyhedron: by h²/6R too small in cubes
+//! of size h, 2 % of its volume where it is ten of them across. Round surfaces are therefore put outwards by as much
+//! as they would be too far in, in the mean over the elements around a node: `½ Σ_{i<j} λ_iλ_j Δx·∇∇d·Δx`. Their
+//! volumes are then right to 1e-4.
 //!
 //! Only nodes in a structure's box are asked (shapes answer through a tree over their triangles). Nodes closer
 //! to a surface than 1e-7 of the longest edge are put on it: what would be cut off there is nothing.
@@ -7,8 +12,9 @@
 //! Structures that hold together are one: inside them, the face that two have in common is not a surface.
 
 use crate::mesh::MeshPart;
+use crate::mesh::tetrahedron::volume;
 use crate::shape::{Bounds, Pose, Shape};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Distance that counts as none, over the longest edge.
 const ON_SURFACE: f64 = 1e-7;
@@ -30,6 +36,14 @@ impl Solid<'_> {
     pub fn distance(&self, x: [f64; 3]) -> f64 {
         let d = self.shape.distance(self.pose.to_local(Vector3::from(x)));
         if self.outside_in { -d } else { d }
+    }
+
+    /// Its second derivatives at the surface next to `x` [1/m]; none where that is flat.
+    fn curvature(&self, x: [f64; 3]) -> Option<Matrix3<f64>> {
+        let h = self.shape.curvature(self.pose.to_local(Vector3::from(x)))?;
+        let axes = self.pose.rotation.to_rotation_matrix();
+        let h = axes.matrix() * h * axes.matrix().transpose();
+        Some(if self.outside_in { -h } else { h })
     }
 }
 
@@ -75,11 +89,14 @@ pub struct Nodes {
     order: Vec<u32>,
     /// Longest edge [m].
     pub band: f64,
+    /// Σ Δx Δx / 40 over the edges of an element, in the mean of those around each node [m²]: xx, yy, zz, xy, xz, yz.
+    /// Empty without round surfaces.
+    spread: Vec<[f64; 6]>,
 }
 
 impl Nodes {
-    /// Of this rank's mesh.
-    pub fn new(part: &MeshPart) -> Self {
+    /// Of this rank's mesh, for surfaces some of which are `round`. Collective.
+    pub fn new(part: &MeshPart, round: bool) -> Self {
         let x = &part.mesh.nodes;
         let mut order: Vec<u32> = (0..x.len() as u32).collect();
         order.sort_unstable_by(|&a, &b| x[a as usize][0].total_cmp(&x[b as usize][0]));
@@ -93,7 +110,15 @@ impl Nodes {
                 }
             }
         }
-        Self { order, band: part.max(longest.sqrt()) }
+        let spread = if round { spread(part) } else { Vec::new() };
+        Self { order, band: part.max(longest.sqrt()), spread }
+    }
+
+    /// How much too far from node `n` a surface would be seen whose distance has these second derivatives [m].
+    fn excess(&self, n: u32, h: &Matrix3<f64>) -> f64 {
+        let [xx, yy, zz, xy, xz, yz] = self.spread[n as usize];
+        let sides = xy * h[(0, 1)] + xz * h[(0, 2)] + yz * h[(1, 2)];
+        xx * h[(0, 0)] + yy * h[(1, 1)] + zz * h[(2, 2)] + 2.0 * sides
     }
 
     /// The nodes whose x lies in the range, sorted by x.
@@ -102,6 +127,32 @@ impl Nodes {
         let end = self.order.partition_point(|&n| x[n as usize][0] <= to);
         &self.order[start..end.max(start)]
     }
+}
+
+/// See `Nodes`. Collective.
+fn spread(part: &MeshPart) -> Vec<[f64; 6]> {
+    let mut sums = vec![[0.0; 7]; part.n_local()];
+    for (e, tet) in part.mesh.tets.iter().enumerate() {
+        let x = part.mesh.corners(e);
+        let mut terms = [0.0; 7];
+        for i in 0..3 {
+            for j in i + 1..4 {
+                let d: [f64; 3] = std::array::from_fn(|k| x[j][k] - x[i][k]);
+                for (t, (a, b)) in
+                    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].iter().enumerate()
+                {
+                    terms[t] += d[*a] * d[*b] / 40.0;
+                }
+            }
+        }
+        terms[6] = 1.0;
+        let volume = volume(&x);
+        for &n in tet {
+            sums[n as usize].iter_mut().zip(terms).for_each(|(sum, t)| *sum += volume * t);
+        }
+    }
+    part.exchange.update_ghosts(&mut sums);
+    sums.into_iter().map(|s| std::array::from_fn(|k| s[k] / s[6])).collect()
 }
 
 impl LevelSet {
@@ -128,6 +179,12 @@ impl LevelSet {
         let band = nodes.band;
         let mut levels = self;
         for (body, solid) in solids {
+            let distance = |n: u32, p: [f64; 3]| {
+                let d = solid.distance(p);
+                let near = d.abs() < band && !nodes.spread.is_empty();
+                let h = if near { solid.curvature(p) } else { None };
+                h.map_or(d, |h| d - nodes.excess(n, &h)).max(-band)
+            };
             let mut lower = |n: u32, d: f64| {
                 let at = &mut levels.distance[n as usize];
                 if d < *at {
@@ -140,12 +197,12 @@ impl LevelSet {
                 |p: &[f64; 3]| (0..3).all(|k| (bounds.min[k]..=bounds.max[k]).contains(&p[k]));
             if solid.outside_in {
                 for (n, p) in (0u32..).zip(x) {
-                    lower(n, if within(p) { solid.distance(*p).max(-band) } else { -band });
+                    lower(n, if within(p) { distance(n, *p) } else { -band });
                 }
             } else {
                 for &n in nodes.between(x, bounds.min[0], bounds.max[0]) {
                     if within(&x[n as usize]) {
-                        lower(n, solid.distance(x[n as usize]).max(-band));
+                        lower(n, distance(n, x[n as usize]));
                     }
                 }
             }
@@ -190,7 +247,7 @@ mod tests {
 
     /// Volume of fluid and area of walls in the unit cube.
     fn sizes(part: &MeshPart, solids: &[Solid<'_>]) -> [f64; 2] {
-        let nodes = Nodes::new(part);
+        let nodes = Nodes::new(part, true);
         let levels = LevelSet::new(part, &nodes, solids, &[]);
         let cut = CutMesh::new(part, levels, |x, of| nearest(solids, of, x));
         let mut sizes = [0.0; 2];
@@ -211,25 +268,20 @@ mod tests {
         Pose { position: x.into(), ..Pose::identity() }
     }
 
+    /// 7, 14 and 29 elements across.
     #[test]
-    fn volume_and_area_of_a_sphere_converge_at_second_order() {
+    fn a_sphere_has_its_volume_and_area() {
         let shape = Shape::sphere(0.3);
         let exact = [4.0 / 3.0 * std::f64::consts::PI * 0.027, 4.0 * std::f64::consts::PI * 0.09];
         for outside_in in [false, true] {
             let solid = Solid { shape: &shape, pose: at([0.51, 0.48, 0.505]), outside_in };
-            let errors = [12, 24, 48].map(|n| {
+            for (n, limits) in [(12, [2e-3, 2e-2]), (24, [4e-4, 5e-3]), (48, [1e-4, 1.3e-3])] {
                 let [fluid, area] = sizes(&grid(n), &[solid]);
                 let volume = if outside_in { fluid } else { 1.0 - fluid };
-                [(volume / exact[0] - 1.0).abs(), (area / exact[1] - 1.0).abs()]
-            });
-            for k in 0..2 {
-                for n in 0..2 {
-                    let order = (errors[n][k] / errors[n + 1][k]).log2();
-                    assert!((1.8..2.3).contains(&order), "{order}: {errors:?}");
-                }
+                let errors = [volume / exact[0] - 1.0, area / exact[1] - 1.0];
+                println!("{n} {errors:?}");
+                assert!((0..2).all(|k| errors[k].abs() < limits[k]), "{n}: {errors:?}");
             }
-            // 29 cells across: within the 0.35 % that linear cuts cost at 32.
-            assert!(errors[2][0] < 4e-3 && errors[2][1] < 4e-3, "{errors:?}");
         }
     }
 
@@ -254,7 +306,7 @@ mod tests {
             Solid { shape: &ball, pose: at([0.5, 0.5, 0.7]), outside_in: false },
             Solid { shape: &slab, pose: at([0.5, 0.5, 0.0]), outside_in: false },
         ];
-        let nodes = Nodes::new(&part);
+        let nodes = Nodes::new(&part, true);
         let cut = CutMesh::new(&part, LevelSet::new(&part, &nodes, &solids, &[]), |x, of| {
             nearest(&solids, of, x)
         });
@@ -294,7 +346,7 @@ mod tests {
         ];
         let bounds = Bounds { min: Vector3::repeat(0.1), max: Vector3::repeat(0.9) };
         let bridge = Bridge { sides: sides.into(), bounds, gap: 0.01 };
-        let nodes = Nodes::new(&part);
+        let nodes = Nodes::new(&part, true);
         let one = LevelSet::new(&part, &nodes, &[block(&whole, 0.5)], &[]);
         let two = LevelSet::new(&part, &nodes, &halves, &[]);
         let joined = LevelSet::new(&part, &nodes, &halves, &[bridge]);

@@ -15,7 +15,7 @@ pub mod fragment;
 pub mod mass;
 pub mod surface;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vec3;
 use parry3d_f64::query::{PointQuery, Ray, RayCast};
 use parry3d_f64::shape as parry;
@@ -210,6 +210,30 @@ impl Shape {
         (signed, Vector3::new(found.point.x, found.point.y, found.point.z))
     }
 
+    /// Whether some of its surface is curved.
+    pub fn is_round(&self) -> bool {
+        matches!(self, Self::Sphere(_) | Self::Cylinder(_))
+    }
+
+    /// Second derivatives of the distance at the surface next to a point of the shape's frame [1/m]; none where
+    /// it is flat, or has an edge.
+    pub fn curvature(&self, local: Vector3<f64>) -> Option<Matrix3<f64>> {
+        let round = |out: Vector3<f64>, flat: Matrix3<f64>, radius: f64| {
+            let n = out.try_normalize(0.0).unwrap_or_else(Vector3::x);
+            (flat - n * n.transpose()) / radius
+        };
+        match self {
+            Self::Cuboid(_) | Self::Mesh(_) => None,
+            Self::Sphere(shape) => Some(round(local, Matrix3::identity(), shape.radius)),
+            Self::Cylinder(shape) => {
+                let out = Vector3::new(local.x, local.y, 0.0);
+                let (side, end) = (out.norm() - shape.radius, local.z.abs() - shape.half_height);
+                let across = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0));
+                (end <= side.min(0.0)).then(|| round(out, across, shape.radius))
+            }
+        }
+    }
+
     /// How far it is from a point inside, along a unit vector, to where the shape ends [m]; both in its frame.
     pub fn exit(&self, from: Vector3<f64>, way: Vector3<f64>) -> Option<f64> {
         let ray = |p: Vector3<f64>, w: Vector3<f64>| {
@@ -347,6 +371,31 @@ mod tests {
             assert!((cylinder.distance(x.into()) - d).abs() < 1e-12, "{x:?}");
         }
         assert!((Shape::sphere(2.0).distance(Vector3::new(0.0, 0.0, 1.5)) + 0.5).abs() < 1e-15);
+    }
+
+    /// Against differences of distances.
+    #[test]
+    fn curvatures_are_second_derivatives_of_the_distance() {
+        let cylinder = Shape::cylinder(0.5, 2.0);
+        for (shape, x) in [
+            (Shape::sphere(0.5), [0.3, -0.4, 0.01]),
+            (cylinder.clone(), [0.3, 0.4, 0.7]),
+            (cylinder.clone(), [0.1, 0.2, 1.0]),
+            (Shape::cuboid([1.0; 3]), [0.5, 0.1, 0.2]),
+        ] {
+            let x = Vector3::from(x);
+            let exact = shape.curvature(x).unwrap_or_default();
+            let unit = |k: usize| Vector3::from_fn(|i, _| if i == k { 1e-4 } else { 0.0 });
+            for (i, j) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)] {
+                let at = |a: f64, b: f64| shape.distance(x + unit(i) * a + unit(j) * b);
+                let found = (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / 4e-8;
+                let sharp = exact == Matrix3::zeros() && x.z == 1.0;
+                assert!(sharp || (found - exact[(i, j)]).abs() < 0.05, "{exact} {found}");
+            }
+        }
+        // Beyond the rim, and where the end is nearer.
+        assert!(cylinder.curvature(Vector3::new(0.5, 0.1, 1.1)).is_none());
+        assert!(cylinder.curvature(Vector3::new(0.3, 0.0, 0.9)).is_none());
     }
 
     #[test]
