@@ -13,7 +13,7 @@
 //!
 //! The adjoint term has the sign that makes the viscous terms skew (Freund & Stenberg 1995; Burman 2012): the
 //! form is coercive for every β > 0 and every cut. With the other sign, two cylinders (R/h = 16, torque) need
-//! β_t ≥ 20 to 30 μ/h to be stable at all, and err by 1.1e-3 where this one errs by 1.6e-4.
+//! β_t ≥ 20 to 30 μ/h to be stable at all, and err by 1.1e-3 where this one, with 6 μA/V, errs by 1.6e-4.
 //!
 //! Of 1, 2 and 6 times μA/V, 2 is best: more holds the velocity of all corners of cut elements to that of the wall, as if
 //! it stood where they are. The drag of a sphere in a stream (Re 32, eight, ten, 12 elements across, over that of 24) is
