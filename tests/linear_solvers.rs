@@ -199,6 +199,40 @@ fn a_solve_that_fails_says_how() {
     assert_eq!(stuck.unwrap_err().reason, Reason::NotFinite);
 }
 
+/// A diagonal matrix.
+struct Diagonal(Vec<f64>);
+
+impl Operator for Diagonal {
+    fn apply<X: Value>(&self, x: &mut [X], y: &mut [f64]) {
+        for ((y, x), d) in y.iter_mut().zip(x).zip(&self.0) {
+            *y = d * (*x).into();
+        }
+    }
+}
+
+/// Minimal polynomials: what GMRES leaves after s + k steps is at most `2ρ^k Π|1 − λ/λ_b|` if all but the s eigenvalues
+/// λ_b are in [1, 1.5] (Saad 2003, ch. 6.11). Begun anew every ten steps it needs 100.
+#[test]
+fn a_few_bad_cells_cost_a_few_directions() {
+    let part = MeshPart::single(cells([9, 9, 9], 0.2, 0.0));
+    let halo = halo(&part, &scalar(&part, 0.0, |_| 1.0, [0.0; 3], |_| false));
+    let (n, bad) = (part.n_local(), [0.0005, 0.001, 0.0015, 0.002, 0.0025, 0.003]);
+    let mut diagonal: Vec<f64> = (0..n).map(|i| 1.0 + 0.5 * i as f64 / (n - 1) as f64).collect();
+    diagonal[..bad.len()].copy_from_slice(&bad);
+    let settings =
+        KrylovSettings { relative: 1e-6, absolute: 0.0, max_iterations: 500, restart: 10 };
+    let (mut x, product) = (vec![0.0; n], OwnedProduct::plain::<1>(&halo));
+    let (A, mut work) = (Diagonal(diagonal), Workspace::default());
+    let ones = vec![1.0; n];
+    let done = fgmres(&A, &mut Identity, &product, &ones, &mut x, &settings, &mut work).unwrap();
+    let growth: f64 = bad.iter().map(|b| 1.5 / b).product();
+    let rate = (1.5f64.sqrt() - 1.0) / (1.5f64.sqrt() + 1.0);
+    let most = bad.len() as f64 + (settings.relative / (2.0 * growth)).ln() / rate.ln();
+    assert!(f64::from(done.iterations) <= most.ceil(), "{} of {most}", done.iterations);
+    let worst = x.iter().zip(&A.0).fold(0.0, |w: f64, (x, d)| w.max((x * d - 1.0).abs()));
+    assert!(worst < 1e-6 * (n as f64).sqrt(), "{worst}");
+}
+
 /// Iterations of CG with multigrid to 1e-3 and 1e-6 on n × n × n/2 cells.
 fn diffusion_counts(n: usize, jump: f64, fixed: fn([f64; 3]) -> bool, pinned: bool) -> [u32; 2] {
     let part = MeshPart::single(cells([n, n, n / 2], 1.0, 0.2));

@@ -129,7 +129,7 @@ def settling_sphere(work):
 
 @check("cube", "a dam break carries a cube away (Canelas 2016)")
 def cube(work):
-    sizes = {"x": [0.2, 0.08, 0.06, 0.0375, 0.0375, 0.12], "y": [0.0375, 0.0375, 0.07], "z": [0.0375, 0.0375, 0.05, 0.12]}
+    sizes = {"x": [0.2, 0.08, 0.025, 0.025, 0.06, 0.0375, 0.0375, 0.12], "y": [0.0375, 0.0375, 0.07], "z": [0.0375, 0.0375, 0.05, 0.12]}
     coarse = {f"mesh.box.{axis}.sizes": list for axis, list in sizes.items()}
     run = work.run(variant("cube", coarse if work.quick else None))
     t, x = run.bodies["t"], run.bodies["cube_1_x"]

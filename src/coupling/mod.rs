@@ -137,27 +137,29 @@ pub fn advance(
         let placed = &mut structures.placed[l.body];
         placed.twist = placed.end;
     }
-    loop {
-        pass(flow, structures, bodies, &mut report)?;
+    let outcome = loop {
+        if let Err(failure) = pass(flow, structures, bodies, &mut report) {
+            break Err(failure);
+        }
         let moved = move_on(bodies, &mut report);
         report.passes += 1;
         let wanted = added_mass::velocities(&light, |body| &moved[body].end);
         let given = added_mass::velocities(&light, |body| &structures.placed[body].twist);
         let change: DVector<f64> = &wanted - &given;
         let (left, size) = (change.norm(), wanted.norm());
-        let done = left <= TOLERANCE * size + AT_REST * g * dt * (light.len() as f64).sqrt();
-        if done {
+        if left <= TOLERANCE * size + AT_REST * g * dt * (light.len() as f64).sqrt() {
             structures.placed = moved;
-            flow.tolerance = tolerance;
-            return Ok(report);
+            break Ok(());
         }
         // A NaN does not get better.
         if report.passes == PASSES || left.is_nan() {
-            return Err(Failure::Coupling { passes: report.passes, residual: left / size });
+            break Err(Failure::Coupling { passes: report.passes, residual: left / size });
         }
         let next = newton.next(given, wanted);
         added_mass::set_velocities(&light, &next, &mut structures.placed);
         flow.restore(&flow_before);
         bodies.restore(&bodies_before);
-    }
+    };
+    flow.tolerance = tolerance;
+    outcome.map(|()| report)
 }

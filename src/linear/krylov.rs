@@ -87,7 +87,7 @@ pub struct Workspace {
     narrow: Vec<f32>,
     z: Vec<f64>,
     r: Vec<f64>,
-    /// Columns of the Hessenberg matrix, each of length restart + 2, turned triangular.
+    /// Columns of the Hessenberg matrix, turned triangular, each with room for all directions and two.
     hessenberg: Vec<f64>,
     again: Vec<f64>,
     givens: Vec<[f64; 2]>,
@@ -97,21 +97,20 @@ pub struct Workspace {
 /// Orthogonalise a second time when so much of a squared norm has cancelled.
 const CANCELLED: f64 = 1e-2;
 
-/// A restart that leaves more than this of the residual is followed by one with twice as many directions, up to
-/// `MORE` times those asked for: a few bad cells cost a few directions, not the solve.
-const SLOW: f64 = 0.5;
+/// Where the last `LOOK` iterations before a restart left more than this of the residual, there is none: directions
+/// are kept, up to `MORE` times those asked for. What is left then belongs to a few bad cells, which a restart would
+/// have to find again.
+const SLOW: f64 = 0.25;
+const LOOK: usize = 5;
 const MORE: usize = 4;
 
 impl Workspace {
-    /// For `m` directions of length `n`; the first vector of the basis stays.
+    /// For `m` directions of length `n`.
     ///
     /// Memory of a new vector of zeros is taken when it is written to: directions that no solve needs cost none.
     fn make_room(&mut self, n: usize, m: usize) {
         if self.basis.len() < (m + 1) * n {
-            let old = std::mem::replace(&mut self.basis, vec![0.0; (m + 1) * n]);
-            self.basis[..n.min(old.len())].copy_from_slice(&old[..n.min(old.len())]);
-        }
-        if self.preconditioned.len() < m * n {
+            self.basis = vec![0.0; (m + 1) * n];
             self.preconditioned = vec![0.0; m * n];
         }
         self.narrow.resize(n, 0.0);
@@ -134,9 +133,9 @@ pub fn fgmres(
     settings: &KrylovSettings,
     work: &mut Workspace,
 ) -> Result<Converged, Diverged> {
-    let (n, mut m) = (x.len(), settings.restart.max(1) as usize);
-    let most = MORE * m;
-    work.make_room(n, m);
+    let (n, restart) = (x.len(), settings.restart.max(1) as usize);
+    let most = MORE * restart;
+    work.make_room(n, most);
 
     x.fill(0.0);
     work.basis[..n].copy_from_slice(b);
@@ -157,14 +156,14 @@ pub fn fgmres(
         }
         work.g[0] = residual;
         scale(1.0 / residual, &mut work.basis[..n]);
-        let mut k = 0;
+        let (mut k, mut m, mut mark) = (0, restart, residual);
         loop {
             let (V, w) = work.basis.split_at_mut((k + 1) * n);
             let z = &mut work.preconditioned[k * n..(k + 1) * n];
             narrow(1.0, &V[k * n..], &mut work.narrow);
             M.apply(&work.narrow, z);
             A.apply(z, &mut w[..n]);
-            let h = &mut work.hessenberg[k * (m + 2)..(k + 1) * (m + 2)];
+            let h = &mut work.hessenberg[k * (most + 2)..(k + 1) * (most + 2)];
             orthogonalise(product, &mut work.basis, n, k + 1, h, &mut work.again);
             iterations += 1;
             for (j, [c, s]) in work.givens[..k].iter().enumerate() {
@@ -180,16 +179,22 @@ pub fn fgmres(
             if !estimate.is_finite() {
                 return Err(fail(Reason::NotFinite, iterations, estimate));
             }
+            if k == m && m < most && estimate > SLOW * mark {
+                m = most.min(m + restart);
+            }
             if estimate <= target || k == m || iterations >= settings.max_iterations {
                 break;
+            }
+            if k + LOOK == m {
+                mark = estimate;
             }
         }
         // R y = g, x += Z y.
         for j in (0..k).rev() {
             for i in j + 1..k {
-                work.g[j] -= work.hessenberg[i * (m + 2) + j] * work.g[i];
+                work.g[j] -= work.hessenberg[i * (most + 2) + j] * work.g[i];
             }
-            work.g[j] /= work.hessenberg[j * (m + 2) + j];
+            work.g[j] /= work.hessenberg[j * (most + 2) + j];
         }
         for (z, y) in work.preconditioned.chunks_exact(n).zip(&work.g[..k]) {
             for (x, z) in x.iter_mut().zip(z) {
@@ -198,13 +203,8 @@ pub fn fgmres(
         }
         let before = residual;
         residual = self::residual(A, product, b, x, &mut work.basis[..n]);
-        if residual > target && residual > SLOW * before {
-            if m < most {
-                m *= 2;
-                work.make_room(n, m);
-            } else if residual > 0.99 * before {
-                return Err(fail(Reason::Stagnated, iterations, residual));
-            }
+        if residual > target && residual > 0.99 * before {
+            return Err(fail(Reason::Stagnated, iterations, residual));
         }
     }
 }

@@ -79,7 +79,7 @@ impl SaddleCsr {
     }
 
     /// Blocks `[A G]` and columns of the entries of row `i` left of the diagonal.
-    #[inline]
+    #[inline(always)]
     pub(super) fn left(&self, i: usize) -> impl ExactSizeIterator<Item = (&[[f32; 4]; 3], usize)> {
         let columns = &self.pattern.columns[self.pattern.left(i)];
         let at = self.left_start[i] as usize;
@@ -242,7 +242,7 @@ impl Rows<4> for SaddleCsr {
     #[inline]
     fn multiply_row<X: Value>(&self, i: usize, x: &[[X; 4]]) -> [f64; 4] {
         let x = |j: usize| x[j].map(Into::into);
-        let (mut sum, mut right, mut gradient) = ([[0.0; 4]; 4], [[0.0; 3]; 3], [0.0; 4]);
+        let (mut sum, mut gradient) = ([[0.0; 4]; 4], [0.0; 4]);
         let (continuity, left) = (&self.continuity[self.row(i)], self.left(i));
         let (before, rest) = continuity.split_at(left.len());
         for ((block, j), last) in left.zip(before) {
@@ -256,20 +256,16 @@ impl Rows<4> for SaddleCsr {
         let (at, columns) = self.right(i);
         for ((at, &j), last) in (at..).zip(columns).zip(&rest[1..]) {
             let (x, A, G) = (x(j as usize), self.right_block(at), self.right_column(at));
+            let velocity = [x[0], x[1], x[2], 0.0];
             for r in 0..3 {
-                for c in 0..3 {
-                    right[r][c] += f64::from(A[3 * r + c]) * x[c];
-                }
-                gradient[r] += f64::from(G[r]) * x[3];
+                add(&mut sum[r], A[3 * r..].first_chunk().expect("one value follows"), &velocity);
             }
+            add(&mut gradient, G, &[x[3]; 4]);
             add(&mut sum[3], last, &x);
         }
         // Seen through, sums across lanes make the compiler turn every block that it reads.
-        let (mut sum, right, gradient) = black_box((sum, right, gradient));
-        for r in 0..3 {
-            (0..3).for_each(|c| sum[r][c] += right[r][c]);
-            sum[r][3] += gradient[r];
-        }
+        let (mut sum, gradient) = black_box((sum, gradient));
+        (0..3).for_each(|r| sum[r][3] += gradient[r]);
         sum.map(|[a, b, c, d]| (a + b) + (c + d))
     }
 }

@@ -245,7 +245,7 @@ pub fn plan(bodies: &Bodies, end: f64) -> String {
     let spheres: usize = world.clusters.iter().map(|c| c.form.spheres.len()).sum();
     let mass: f64 = world.clusters.iter().filter(|c| c.is_free()).map(|c| c.mass).sum();
     let (joints, points) = (bodies.joints.joints.len(), bodies.joints.places.len());
-    let area: f64 = bodies.joints.area.iter().sum();
+    let area = bodies.joints.area.iter().fold(0.0, |sum, area| sum + area);
     let (step, limit) = (bodies.time_step(), bodies.limit());
     let steps = (end / step).ceil();
     format!(
