@@ -181,6 +181,6 @@ def cost_of_cutting(work):
     seconds = []
     for steps in (4, 14):
         run = work.run(Variant(table), f"{steps}", arguments=["--steps", str(steps)])
-        seconds.append({stage["name"]: stage["mean"] for stage in run.summary["stages"]})
+        seconds.append({stage["name"]: stage["seconds"]["mean"] for stage in run.summary["stages"]})
     spent = {name: seconds[1][name] - seconds[0][name] for name in seconds[1] if name != "output"}
     yield at_most(work, "distances, cutting and what follows, share of a step", spent["cut"] / sum(spent.values()), 0.1, "asked for")
