@@ -58,7 +58,7 @@ mod tests {
     use super::*;
     use crate::mesh::boxes::tensor_box;
 
-    /// More than twelve over γ times the mass that a node has of an element, and the solver stalls.
+    /// Its entry at a node, over γ ρ/Δt and an element's volume: twelve at most in a cube's six tetrahedra.
     #[test]
     fn in_flat_elements_it_is_as_large_as_in_a_cubes() {
         for flat in [1.0, 0.3, 0.1, 0.01] {

@@ -111,6 +111,8 @@ impl Workspace {
     fn make_room(&mut self, n: usize, m: usize) {
         if self.basis.len() < (m + 1) * n {
             self.basis = vec![0.0; (m + 1) * n];
+        }
+        if self.preconditioned.len() < m * n {
             self.preconditioned = vec![0.0; m * n];
         }
         self.narrow.resize(n, 0.0);

@@ -188,6 +188,7 @@ impl BodiesOutput {
         if let Some(table) = &mut self.bonds {
             for [t, x, y, z, face] in all {
                 let joint = bodies.joints.joints[face as usize];
+                // The sum of none is −0.
                 let area = bodies.joints.areas(face as usize).0;
                 let row = [t, x, y, z, joint.a.into(), joint.b.into(), face, area];
                 written = written.and_then(|()| table.row(&row));
@@ -245,6 +246,7 @@ pub fn plan(bodies: &Bodies, end: f64) -> String {
     let spheres: usize = world.clusters.iter().map(|c| c.form.spheres.len()).sum();
     let mass: f64 = world.clusters.iter().filter(|c| c.is_free()).map(|c| c.mass).sum();
     let (joints, points) = (bodies.joints.joints.len(), bodies.joints.places.len());
+    // The sum of none is −0.
     let area = bodies.joints.area.iter().fold(0.0, |sum, area| sum + area);
     let (step, limit) = (bodies.time_step(), bodies.limit());
     let steps = (end / step).ceil();
