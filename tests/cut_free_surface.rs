@@ -68,7 +68,7 @@ fn still_water_around_bodies(k: usize, steps: usize) {
         let x = run.part.mesh.corners(e);
         let t = fcm_fsi::mesh::tetrahedron::Tetrahedron::new(x);
         let dry = t.volume - cut.fluid_volume(&run.part.mesh, e);
-        let m = water.element(tet, &x, &t);
+        let m = water.element(tet, &x);
         let left = x.iter().map(|x| x[0]).sum::<f64>() < 2.0;
         weight[usize::from(!left)] += 9.81 * m.rho * dry;
     }

@@ -153,6 +153,16 @@ impl CutMesh {
         }
     }
 
+    /// The elements without walls among the first `n`.
+    pub fn uncut(&self, n: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..n).filter(|&e| self.state.get(e).is_none_or(|&state| state == WHOLE))
+    }
+
+    /// The cut elements among the first `n`.
+    pub fn cut(&self, n: usize) -> impl Iterator<Item = &CutElement> {
+        self.elements.iter().take_while(move |c| (c.element as usize) < n)
+    }
+
     /// Volume of fluid in local element `e` [m³].
     #[inline]
     pub fn fluid_volume(&self, mesh: &Mesh, e: usize) -> f64 {
@@ -181,8 +191,7 @@ impl CutMesh {
 
     /// The cut elements among those that this rank integrates over.
     pub fn owned<'a>(&'a self, part: &MeshPart) -> impl Iterator<Item = &'a CutElement> {
-        let n = part.n_owned_elements as u32;
-        self.elements.iter().take_while(move |c| c.element < n)
+        self.cut(part.n_owned_elements)
     }
 }
 

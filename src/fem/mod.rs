@@ -6,18 +6,19 @@ pub mod constraints;
 pub mod quadrature;
 pub mod region;
 
-pub use crate::mesh::tetrahedron;
+pub use crate::mesh::{number, tetrahedron};
+use number::{Number, Real};
 
 /// a·b
 #[inline]
-pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub fn dot<R: Number>(a: [R; 3], b: [R; 3]) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// |a|
 #[inline]
-pub fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
+pub fn norm<R: Real>(a: [R; 3]) -> R {
+    dot(a, a).square_root()
 }
 
 /// Area times unit normal of a triangle (right-hand rule).

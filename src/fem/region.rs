@@ -3,60 +3,70 @@
 //! They are all that the weak forms ask of a quadrature, so an element that a structure cuts is an ordinary
 //! element with other moments (METHOD.md, 5). Weak forms are written once, over `Region`, and compiled twice.
 
+use crate::fem::number::Real;
+
 /// Moments of a region inside a tetrahedron.
-pub trait Region: Copy {
+pub trait Region<R: Real = f64>: Copy {
     /// ∫1 [m³]
-    fn volume(&self) -> f64;
+    fn volume(&self) -> R;
     /// ∫N_i [m³]
-    fn first(&self, i: usize) -> f64;
+    fn first(&self, i: usize) -> R;
     /// ∫N_i N_j [m³]
-    fn second(&self, i: usize, j: usize) -> f64;
+    fn second(&self, i: usize, j: usize) -> R;
 
     /// ∫f of a function with these corner values, component by component.
     #[inline]
-    fn integral<const C: usize>(&self, f: &[[f64; C]; 4]) -> [f64; C] {
-        std::array::from_fn(|k| (0..4).map(|j| self.first(j) * f[j][k]).sum())
+    fn integral<const C: usize>(&self, f: &[[R; C]; 4]) -> [R; C] {
+        std::array::from_fn(|k| {
+            (self.first(0) * f[0][k] + self.first(1) * f[1][k])
+                + (self.first(2) * f[2][k] + self.first(3) * f[3][k])
+        })
     }
     /// ∫N_i f
     #[inline]
-    fn weighted<const C: usize>(&self, i: usize, f: &[[f64; C]; 4]) -> [f64; C] {
-        std::array::from_fn(|k| (0..4).map(|j| self.second(i, j) * f[j][k]).sum())
+    fn weighted<const C: usize>(&self, i: usize, f: &[[R; C]; 4]) -> [R; C] {
+        std::array::from_fn(|k| {
+            (self.second(i, 0) * f[0][k] + self.second(i, 1) * f[1][k])
+                + (self.second(i, 2) * f[2][k] + self.second(i, 3) * f[3][k])
+        })
     }
     /// The mean of f.
     #[inline]
-    fn mean<const C: usize>(&self, f: &[[f64; C]; 4]) -> [f64; C] {
-        self.integral(f).map(|v| v / self.volume())
+    fn mean<const C: usize>(&self, f: &[[R; C]; 4]) -> [R; C] {
+        let share = R::of(1.0) / self.volume();
+        self.integral(f).map(|v| v * share)
     }
 }
 
 /// All of a tetrahedron of this volume.
 #[derive(Clone, Copy, Debug)]
-pub struct Whole(pub f64);
+pub struct Whole<R = f64>(pub R);
 
-impl Region for Whole {
+impl<R: Real> Region<R> for Whole<R> {
     #[inline]
-    fn volume(&self) -> f64 {
+    fn volume(&self) -> R {
         self.0
     }
     #[inline]
-    fn first(&self, _: usize) -> f64 {
-        0.25 * self.0
+    fn first(&self, _: usize) -> R {
+        R::of(0.25) * self.0
     }
     #[inline]
-    fn second(&self, i: usize, j: usize) -> f64 {
-        if i == j { 0.1 * self.0 } else { 0.05 * self.0 }
+    fn second(&self, i: usize, j: usize) -> R {
+        R::of(if i == j { 0.1 } else { 0.05 }) * self.0
     }
     #[inline]
-    fn integral<const C: usize>(&self, f: &[[f64; C]; 4]) -> [f64; C] {
+    fn integral<const C: usize>(&self, f: &[[R; C]; 4]) -> [R; C] {
         self.mean(f).map(|v| v * self.0)
     }
     #[inline]
-    fn weighted<const C: usize>(&self, i: usize, f: &[[f64; C]; 4]) -> [f64; C] {
-        std::array::from_fn(|k| 0.05 * self.0 * (f[0][k] + f[1][k] + f[2][k] + f[3][k] + f[i][k]))
+    fn weighted<const C: usize>(&self, i: usize, f: &[[R; C]; 4]) -> [R; C] {
+        let share = R::of(0.05) * self.0;
+        std::array::from_fn(|k| share * (f[0][k] + f[1][k] + f[2][k] + f[3][k] + f[i][k]))
     }
     #[inline]
-    fn mean<const C: usize>(&self, f: &[[f64; C]; 4]) -> [f64; C] {
-        std::array::from_fn(|k| 0.25 * (f[0][k] + f[1][k] + f[2][k] + f[3][k]))
+    fn mean<const C: usize>(&self, f: &[[R; C]; 4]) -> [R; C] {
+        std::array::from_fn(|k| R::of(0.25) * (f[0][k] + f[1][k] + f[2][k] + f[3][k]))
     }
 }
 

@@ -130,7 +130,7 @@ impl MassBalance {
             }
             let x = part.mesh.corners(e);
             let t = Tetrahedron::new(x);
-            let rho = material.element(tet, &x, &t).rho;
+            let rho = material.element(tet, &x).rho;
             let u = tet.map(|n| u[n as usize]);
             let (first, swept) = match cut.cell(e) {
                 Cell::Solid => continue,

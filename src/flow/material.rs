@@ -13,6 +13,7 @@
 
 use crate::case::{self, Case, Fluid};
 use crate::fem::dot;
+use crate::fem::number::{Real, f64x4, packed};
 use crate::fem::tetrahedron::Tetrahedron;
 
 /// ψ is used up to this many δ from the surface, where φ differs from 0 or 1 by 1e-13.
@@ -36,16 +37,28 @@ pub struct Material {
 
 /// One element's material, constant in it but for the viscosity's gradient.
 #[derive(Clone, Copy, Debug)]
-pub struct ElementMaterial {
+pub struct ElementMaterial<R = f64> {
     /// Inertia density [kg/m³].
-    pub rho: f64,
+    pub rho: R,
     /// Mean viscosity [Pa s].
-    pub mu: f64,
+    pub mu: R,
     /// ∇μ [Pa s/m].
-    pub grad_mu: [f64; 3],
+    pub grad_mu: [R; 3],
     /// Gravity force per volume that node i's momentum row sees [N/m³]; all four the same in edge
     /// form. Their mean is the force in the stabilisation terms.
-    pub force: [[f64; 3]; 4],
+    pub force: [[R; 3]; 4],
+}
+
+impl<R: Real> ElementMaterial<R> {
+    /// Adds a force per mass given at the corners [m/s²].
+    pub fn add_force(&mut self, f: &[[R; 3]; 4]) {
+        for k in 0..3 {
+            let sum = (f[0][k] + f[1][k]) + (f[2][k] + f[3][k]);
+            for i in 0..4 {
+                self.force[i][k] += R::of(0.2) * self.rho * (sum + f[i][k]);
+            }
+        }
+    }
 }
 
 /// φ in [0, 1], ψ/δ and I(ψ)/δ.
@@ -124,43 +137,84 @@ impl Material {
         self.gas.viscosity + (self.liquid.viscosity - self.gas.viscosity) * self.phi[i]
     }
 
-    /// Mean density of the edge i-j [kg/m³].
-    #[inline]
-    fn edge_density(&self, i: usize, j: usize) -> f64 {
-        let step = self.psi[j] - self.psi[i];
-        let liquid = if step.abs() > 1e-4 {
-            (self.integral[j] - self.integral[i]) / step
-        } else {
-            // φ at the mean ψ: the mean of φ to O(step²/24) ~ 1e-9.
-            1.0 / (1.0 + (-0.5 * (self.psi[i] + self.psi[j])).exp())
-        };
-        self.gas.density + (self.liquid.density - self.gas.density) * liquid
+    /// Of the element with these nodes and corners.
+    #[inline(always)]
+    pub fn element(&self, tet: &[u32; 4], x: &[[f64; 3]; 4]) -> ElementMaterial {
+        if self.is_pure(tet) { self.pure(&[*tet; 1], |[rho]| rho) } else { self.mixed_one(tet, x) }
     }
 
-    /// Of the element with these nodes and corners.
-    #[inline]
-    pub fn element(&self, tet: &[u32; 4], x: &[[f64; 3]; 4], t: &Tetrahedron) -> ElementMaterial {
-        let n = tet.map(|n| n as usize);
-        let phi = n.map(|i| self.phi[i]);
-        let dmu = self.liquid.viscosity - self.gas.viscosity;
-        let mu = self.gas.viscosity + dmu * 0.25 * (phi[0] + phi[1] + phi[2] + phi[3]);
-        let pure = phi.iter().all(|&p| p == phi[0]);
-        if pure {
-            let rho = self.density(n[0]);
-            let force = self.gravity.map(|g| rho * g);
-            return ElementMaterial { rho, mu, grad_mu: [0.0; 3], force: [force; 4] };
+    #[inline(never)]
+    fn mixed_one(&self, tet: &[u32; 4], x: &[[f64; 3]; 4]) -> ElementMaterial {
+        self.mixed(|v| tet.map(|n| v[n as usize]), x, &Tetrahedron::new(*x))
+    }
+
+    /// Of four.
+    #[inline(always)]
+    pub fn elements(
+        &self,
+        tets: &[[u32; 4]; 4],
+        x: &[[f64x4; 3]; 4],
+        t: &Tetrahedron<f64x4>,
+    ) -> ElementMaterial<f64x4> {
+        if tets.iter().all(|tet| self.is_pure(tet)) {
+            return self.pure(tets, f64x4::from);
         }
-        let grad_mu = t.gradient(phi).map(|g| dmu * g);
+        self.mixed(|v| [0, 1, 2, 3].map(|i| packed(tets, |tet| v[tet[i] as usize])), x, t)
+    }
+
+    /// Whether φ has one value in the element.
+    #[inline]
+    pub fn is_pure(&self, tet: &[u32; 4]) -> bool {
+        let [a, b, c, d] = tet.map(|n| self.phi[n as usize]);
+        a == b && a == c && a == d
+    }
+
+    /// Where each element has one value of φ.
+    #[inline(always)]
+    fn pure<R: Real, const N: usize>(
+        &self,
+        tets: &[[u32; 4]; N],
+        together: impl Fn([f64; N]) -> R,
+    ) -> ElementMaterial<R> {
+        let rho = together(tets.map(|tet| self.density(tet[0] as usize)));
+        let mu = together(tets.map(|tet| self.viscosity(tet[0] as usize)));
+        let force = self.gravity.map(|g| rho * R::of(g));
+        ElementMaterial { rho, mu, grad_mu: [R::default(); 3], force: [force; 4] }
+    }
+
+    /// `at` takes nodal values to the corners.
+    #[inline(always)]
+    fn mixed<R: Real>(
+        &self,
+        at: impl Fn(&[f64]) -> [R; 4],
+        x: &[[R; 3]; 4],
+        t: &Tetrahedron<R>,
+    ) -> ElementMaterial<R> {
+        let of = R::of;
+        let phi = at(&self.phi);
+        let share = |gas: f64, liquid: f64, phi: R| of(gas) + of(liquid - gas) * phi;
+        let density = |phi: R| share(self.gas.density, self.liquid.density, phi);
+        let mean = of(0.25) * ((phi[0] + phi[1]) + (phi[2] + phi[3]));
+        let mu = share(self.gas.viscosity, self.liquid.viscosity, mean);
+        let dmu = self.liquid.viscosity - self.gas.viscosity;
+        let grad_mu = t.gradient(phi).map(|g| of(dmu) * g);
         match self.form {
             case::Gravity::Edge => {
-                let mut rho = 0.0;
-                let mut force = [0.0; 3];
+                let (psi, integral) = (at(&self.psi), at(&self.integral));
+                let (mut rho, mut force) = (R::default(), [R::default(); 3]);
                 for i in 0..3 {
                     for j in i + 1..4 {
-                        let edge = self.edge_density(n[i], n[j]);
-                        rho += edge / 6.0;
-                        let along: [f64; 3] = std::array::from_fn(|k| x[j][k] - x[i][k]);
-                        let e = 0.25 * edge * dot(self.gravity, along);
+                        let step = psi[j] - psi[i];
+                        // The mean of φ along the edge: of its ends where ψ hardly changes, to O(step²/12) ~ 1e-9.
+                        let liquid = (step * step).where_larger(
+                            of(1e-8),
+                            (integral[j] - integral[i]) / step,
+                            of(0.5) * (phi[i] + phi[j]),
+                        );
+                        let edge = density(liquid);
+                        rho += of(1.0 / 6.0) * edge;
+                        let along = [0, 1, 2].map(|k: usize| x[j][k] - x[i][k]);
+                        let e = of(0.25) * edge * dot(self.gravity.map(of), along);
                         for k in 0..3 {
                             force[k] += e * (t.grad[j][k] - t.grad[i][k]);
                         }
@@ -169,11 +223,11 @@ impl Material {
                 ElementMaterial { rho, mu, grad_mu, force: [force; 4] }
             }
             case::Gravity::Quadrature => {
-                let nodal = n.map(|i| self.density(i));
-                let sum: f64 = nodal.iter().sum();
+                let nodal = phi.map(density);
+                let sum = (nodal[0] + nodal[1]) + (nodal[2] + nodal[3]);
                 // ∫N_i ρ_h over V/4: (Σρ + ρ_i)/5.
-                let force = nodal.map(|r| self.gravity.map(|g| (sum + r) / 5.0 * g));
-                ElementMaterial { rho: 0.25 * sum, mu, grad_mu, force }
+                let force = nodal.map(|r| self.gravity.map(|g| of(0.2 * g) * (sum + r)));
+                ElementMaterial { rho: of(0.25) * sum, mu, grad_mu, force }
             }
         }
     }
@@ -210,7 +264,7 @@ mod tests {
         let psi = x.map(|p| 0.25 - dot(up, p));
         let phi = psi.map(|s| 0.5 * (1.0 + (s / (2.0 * delta)).tanh())).to_vec();
         let material = water_and_air(case::Gravity::Edge, g, phi);
-        let m = material.element(&[0, 1, 2, 3], &x, &t);
+        let m = material.element(&[0, 1, 2, 3], &x);
         let pressure =
             psi.map(|s| crate::fem::norm(g) * (s + 999.0 * delta * (s / delta).exp().ln_1p()));
         let expected = t.gradient(pressure);
@@ -223,10 +277,9 @@ mod tests {
     #[test]
     fn pure_elements_weigh_rho_g() {
         let x = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
-        let t = Tetrahedron::new(x);
         for (value, rho) in [(1.0, 1000.0), (0.0, 1.0)] {
             let m = water_and_air(case::Gravity::Edge, [0., 0., -10.], vec![value; 4]);
-            let e = m.element(&[0, 1, 2, 3], &x, &t);
+            let e = m.element(&[0, 1, 2, 3], &x);
             assert_eq!((e.rho, e.force[2]), (rho, [0., 0., -10. * rho]));
         }
     }

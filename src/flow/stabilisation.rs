@@ -1,5 +1,7 @@
 //! Stabilisation parameters, the paper's [6-10], τ_c with a floor.
 
+use crate::fem::number::Real;
+
 /// Least τ_c, in h²/Δt. [7] is zero at rest, where nothing then damps the divergence that the pressure's
 /// stabilisation leaves to u_h. Times the profile's excess φ* − φ_h it is a source of φ: still air under a
 /// slanting lid would grow currents, e-fold in t √(g/H) = 7. A tenth of this is enough against it. Waves on 20 cells
@@ -8,19 +10,21 @@ const REST: f64 = 0.02;
 
 /// τ = [ (2/Δt)² + (2|u|/h)² + (4ν/h²)² ]^(-1/2)  [s]
 #[inline]
-pub fn tau(dt: f64, speed: f64, h: f64, nu: f64) -> f64 {
-    let (a, b, c) = (2.0 / dt, 2.0 * speed / h, 4.0 * nu / (h * h));
-    1.0 / (a * a + b * b + c * c).sqrt()
+pub fn tau<R: Real>(dt: f64, speed: R, h: R, nu: R) -> R {
+    let n = R::of;
+    let (a, b, c) = (n(2.0 / dt), n(2.0) * speed / h, n(4.0) * nu / (h * h));
+    n(1.0) / (a * a + b * b + c * c).square_root()
 }
 
 /// τ_c = max[ (h/2) |u| ξ(Re_e), h²/(50 Δt) ], Re_e = |u| h/(2ν), ξ = Re_e/3 up to 3, else 1  [m²/s].
 /// Zero viscosity is Re_e = ∞.
 #[inline]
-pub fn tau_c(dt: f64, speed: f64, h: f64, nu: f64) -> f64 {
-    // Re_e / 3 as a quotient that is compared before it is divided: ν = 0 is legal.
-    let (re, three) = (speed * h, 6.0 * nu);
-    let xi = if re < three { re / three } else { 1.0 };
-    (0.5 * h * speed * xi).max(REST * h * h / dt)
+pub fn tau_c<R: Real>(dt: f64, speed: R, h: R, nu: R) -> R {
+    let n = R::of;
+    // Re_e / 3 as a quotient of at most one: ν = 0 is legal, and so is rest.
+    let (re, three) = (speed * h, n(6.0) * nu);
+    let xi = re / re.larger(three).larger(n(f64::MIN_POSITIVE));
+    (n(0.5) * h * speed * xi).larger(n(REST / dt) * h * h)
 }
 
 #[cfg(test)]

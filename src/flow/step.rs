@@ -15,13 +15,14 @@ use super::open_boundary::OpenFace;
 use super::sealed::{Sealed, Squeezed};
 use super::slivers::{self, Entry, WithEntries};
 use super::wall::{Method, WallElement};
-use super::weak_form::{Element, ElementSystem};
+use super::weak_form::{Element, ElementSystem, unknowns};
 use super::{viscous, viscous_force};
 use crate::case::{Boundary, Case, Formula};
 use crate::cut::tetrahedron::cut_face;
 use crate::cut::{Cell, CutElement, CutMesh, Extension, Surface};
 use crate::fem::constraints::{Constraints, FREE};
-use crate::fem::region::{Region, Whole};
+use crate::fem::number::{corners, f64x4, fours};
+use crate::fem::region::Whole;
 use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{norm, triangle_normal};
 use crate::linear::{
@@ -370,10 +371,12 @@ impl Flow {
         let mut target = 0.0;
         for round in 0.. {
             let clock = part.comm.clock();
-            report.squeezed = self.assemble(part, cut, surfaces, material, dt, theta, round == 0);
+            // In a step done again only the walls' velocities have changed, and its matrix will do.
+            let anew = round == 0 && (again.is_none() || self.picard > 1);
+            report.squeezed = self.assemble(part, cut, surfaces, material, dt, theta, anew);
             report.assembly += clock.elapsed();
             let clock = part.comm.clock();
-            if round == 0 {
+            if anew {
                 residual_weights(&self.matrix, &self.pressure, &mut self.weights);
             }
             let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
@@ -394,7 +397,7 @@ impl Flow {
             if done.residual > 0.5 * before {
                 return Err(failed(done.iterations, Reason::Stagnated));
             }
-            if round == 0 {
+            if anew {
                 let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
                     viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
                 });
@@ -446,43 +449,39 @@ impl Flow {
         dt: f64,
         theta: f64,
     ) -> [f64; 2] {
+        let (g, n_owned) = (material.gravity(), part.n_owned_elements);
         let mut energies = [0.0; 2];
-        for e in 0..part.mesh.tets.len() {
-            let cell = cut.cell(e);
-            if matches!(cell, Cell::Solid) {
-                self.fine_scale[e] = [0.0; 3];
-                continue;
-            }
-            let element = self.element(part, material, e, &self.u_old, dt, theta);
-            let (fine, energy) = match cell {
-                Cell::Cut(c) => self.after(part, e, &element, &c.pieces.fluid, material),
-                _ => self.after(part, e, &element, &Whole(element.geometry.volume), material),
-            };
-            self.fine_scale[e] = fine;
-            if e < part.n_owned_elements {
+        let mut count = |e: usize, energy: [f64; 2]| {
+            if e < n_owned {
                 energies = [energies[0] + energy[0], energies[1] + energy[1]];
             }
+        };
+        self.fine_scale.fill([0.0; 3]);
+        for (four, n) in fours(cut.uncut(part.mesh.tets.len())) {
+            let element = self.elements(part, material, four, &self.u_old, dt, theta);
+            let fluid = Whole(element.geometry.volume);
+            let tets = four.map(|e| part.mesh.tets[e]);
+            let (u, x) = (corners(&tets, &self.u), corners(&tets, &part.mesh.nodes));
+            let p = corners(&tets, self.p.as_chunks::<1>().0).map(|[p]| p);
+            let fine = element.fine_scale(&fluid, &u, &p).map(f64x4::to_array);
+            let kinetic = element.kinetic_energy(&fluid, &u).to_array();
+            let potential = element.potential_energy(&fluid, &x, g).to_array();
+            for (l, &e) in four.iter().take(n).enumerate() {
+                self.fine_scale[e] = fine.map(|f| f[l]);
+                count(e, [kinetic[l], potential[l]]);
+            }
+        }
+        for c in &cut.elements {
+            let (e, fluid) = (c.element as usize, &c.pieces.fluid);
+            let element = self.element(part, material, e, &self.u_old, dt, theta);
+            let tet = &part.mesh.tets[e];
+            let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
+            self.fine_scale[e] = element.fine_scale(fluid, &u, &p);
+            let kinetic = element.kinetic_energy(fluid, &u);
+            count(e, [kinetic, element.potential_energy(fluid, &part.mesh.corners(e), g)]);
         }
         part.comm.sum_all(&mut energies);
         energies
-    }
-
-    /// u' and kinetic and potential energy of an element after the solve.
-    #[inline]
-    fn after(
-        &self,
-        part: &MeshPart,
-        e: usize,
-        element: &Element,
-        fluid: &impl Region,
-        material: &Material,
-    ) -> ([f64; 3], [f64; 2]) {
-        let tet = &part.mesh.tets[e];
-        let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
-        let x = part.mesh.corners(e);
-        let kinetic = element.kinetic_energy(fluid, &u);
-        let potential = element.potential_energy(fluid, &x, material.gravity());
-        (element.fine_scale(fluid, &u, &p), [kinetic, potential])
     }
 
     /// What the wall in `c` bore in each corner's momentum equation over the last step: the reaction of the

@@ -45,7 +45,7 @@ pub fn operators(
         }
         let x = part.mesh.corners(e);
         let t = Tetrahedron::new(x);
-        let stress = theta * material.element(tet, &x, &t).mu;
+        let stress = theta * material.element(tet, &x).mu;
         for i in (0..4).filter(|&i| (tet[i] as usize) < n) {
             let volume = match cell {
                 Cell::Cut(c) => c.pieces.fluid.first(i),

@@ -23,7 +23,7 @@
 //! These terms, summed over the rows of an element, are what the fluid does to the body: with w a rigid motion
 //! the adjoint term vanishes and the others are the wall's reaction, exactly as the discrete momentum has it.
 
-use super::weak_form::{Element, ElementSystem};
+use super::weak_form::{Element, ElementSystem, unknowns};
 use crate::cut::tetrahedron::Pieces;
 use crate::cut::{Motion, Surface, Wall};
 use crate::fem::region::Region;
@@ -81,15 +81,21 @@ impl WallElement<'_> {
         [viscous + INERTIA * material.rho * speed, INERTIA * material.rho * h / dt]
     }
 
-    /// Adds the wall to the element's system.
-    pub fn add(&self, system: &mut ElementSystem) {
+    /// Adds the wall to the element's system, where `x` are the unknowns.
+    pub fn add(&self, x: &[[f64; 4]; 4], system: &mut ElementSystem) {
         if self.pieces.wall.size > 0.0 {
             let velocity = self.velocity();
-            self.terms(&velocity, self.beta(&velocity), system);
+            self.terms(&velocity, self.beta(&velocity), x, system);
         }
     }
 
-    fn terms(&self, velocity: &[[f64; 3]; 4], beta: [f64; 2], system: &mut ElementSystem) {
+    fn terms(
+        &self,
+        velocity: &[[f64; 3]; 4],
+        beta: [f64; 2],
+        x: &[[f64; 4]; 4],
+        system: &mut ElementSystem,
+    ) {
         let Element { geometry, material, u, theta, .. } = self.element;
         let Pieces { wall, normal: n, .. } = self.pieces;
         let consistent = if self.method == Method::Nitsche { 1.0 } else { 0.0 };
@@ -116,28 +122,38 @@ impl WallElement<'_> {
             let s = wall.first[i];
             let v = wall.weighted(i, velocity);
             let vn = dot(v, *n);
+            let mut rhs = [0.0; 4];
             for k in 0..3 {
                 // Adjoint: 2ε(w)n is the transpose.
                 let adjoint: f64 = (0..3).map(|b| traction[i][b][k] * sum[b]).sum();
                 let known: f64 = (0..4).map(|j| dot(traction[j][k], u[j])).sum();
-                system.rhs[i][k] +=
-                    along * v[k] + across * vn * n[k] + mu * adjoint + old * mu * s * known;
+                rhs[k] = along * v[k] + across * vn * n[k] + mu * adjoint + old * mu * s * known;
             }
             if !self.swept {
-                system.rhs[i][3] -= consistent * vn;
+                rhs[3] = -consistent * vn;
+            }
+            for k in 0..4 {
+                system.rhs[i][k] += rhs[k];
+                system.left[i][k] += rhs[k];
             }
             for j in 0..4 {
                 let m = wall.second[i][j];
-                let block = &mut system.matrix[4 * i + j];
+                let mut block = [[0.0; 4]; 4];
                 for k in 0..3 {
                     for b in 0..3 {
-                        block[k][b] += across * m * n[k] * n[b]
+                        block[k][b] = across * m * n[k] * n[b]
                             + mu * (wall.first[j] * traction[i][b][k]
                                 - theta * s * traction[j][k][b]);
                     }
                     block[k][k] += along * m;
-                    block[k][3] += consistent * m * n[k];
-                    block[3][k] -= consistent * m * n[k];
+                    block[k][3] = consistent * m * n[k];
+                    block[3][k] = -consistent * m * n[k];
+                }
+                for (k, row) in block.iter().enumerate() {
+                    for c in 0..4 {
+                        system.left[i][k] -= row[c] * x[j][c];
+                        system.matrix[4 * i + j][k][c] += row[c] as f32;
+                    }
                 }
             }
         }
@@ -149,8 +165,8 @@ impl WallElement<'_> {
         let velocity = self.velocity();
         let of = |method: Method, beta: [f64; 2]| {
             let mut system = ElementSystem::default();
-            Self { method, ..*self }.terms(&velocity, beta, &mut system);
-            std::array::from_fn(|i| system.momentum(i, u, p))
+            Self { method, ..*self }.terms(&velocity, beta, &unknowns(u, p), &mut system);
+            std::array::from_fn(|i| system.momentum(i))
         };
         if self.pieces.wall.size == 0.0 {
             return [[[0.0; 3]; 4]; 2];

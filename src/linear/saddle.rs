@@ -115,69 +115,86 @@ impl SaddleCsr {
         &self.own[i]
     }
 
-    /// Where entry `e`, in row `i`, is.
+    /// Where entries of row `i` are.
     #[inline]
-    fn place(&self, i: usize, e: usize) -> Place {
+    fn places(&self, i: usize) -> impl Fn(usize) -> Place + use<> {
         let own = self.pattern.diagonals()[i] as usize;
-        match e.cmp(&own) {
-            Ordering::Less => {
-                let start = self.pattern.row_start[i] as usize;
-                Place::Left(self.left_start[i] as usize + e - start)
-            }
+        let start = self.pattern.row_start[i] as usize;
+        let (left, right) = (self.left_start[i] as usize, self.right_start(i));
+        move |e| match e.cmp(&own) {
+            Ordering::Less => Place::Left(left + e - start),
             Ordering::Equal => Place::Own,
-            Ordering::Greater => Place::Right(self.right_start(i) + e - own - 1),
+            Ordering::Greater => Place::Right(right + e - own - 1),
         }
     }
 
-    /// Asks for the memory of entry `e`, in row `i`, that `add` will want.
+    /// Asks for the memory of these entries of row `i`, which `add` will want.
     #[inline]
-    pub fn fetch(&self, i: usize, e: usize) {
-        match self.place(i, e) {
-            Place::Left(at) => fetch(&self.left[at]),
-            Place::Own => fetch(&self.own[i]),
-            Place::Right(at) => {
-                fetch(&self.right_velocity[9 * at]);
-                fetch(&self.right_gradient[3 * at]);
-            }
-        }
-        fetch(&self.continuity[e]);
-    }
-
-    /// Adds to the block of entry `e`, in row `i`.
-    #[inline]
-    pub fn add(&mut self, i: usize, e: usize, block: &[[f64; 4]; 4]) {
-        let add = |row: &mut [f32; 4], add: &[f64; 4]| {
-            for c in 0..4 {
-                row[c] += add[c] as f32;
-            }
-        };
-        match self.place(i, e) {
-            Place::Left(at) => self.left[at].iter_mut().zip(block).for_each(|(r, b)| add(r, b)),
-            Place::Own => self.own[i].iter_mut().zip(block).for_each(|(r, b)| add(r, b)),
-            Place::Right(at) => {
-                let A = &mut self.right_velocity[9 * at..9 * at + 9];
-                let G = &mut self.right_gradient[3 * at..3 * at + 3];
-                for r in 0..3 {
-                    for c in 0..3 {
-                        A[3 * r + c] += block[r][c] as f32;
-                    }
-                    G[r] += block[r][3] as f32;
+    pub fn fetch(&self, i: usize, entries: [usize; 4]) {
+        let place = self.places(i);
+        for e in entries {
+            match place(e) {
+                Place::Left(at) => fetch(&self.left[at]),
+                Place::Own => fetch(&self.own[i]),
+                Place::Right(at) => {
+                    fetch(&self.right_velocity[9 * at]);
+                    fetch(&self.right_gradient[3 * at]);
                 }
             }
+            fetch(&self.continuity[e]);
         }
-        add(&mut self.continuity[e], &block[3]);
+    }
+
+    /// Adds to the blocks of `entries` of row `i`.
+    #[inline]
+    pub fn add<const N: usize>(
+        &mut self,
+        i: usize,
+        entries: [usize; N],
+        blocks: &[[[f32; 4]; 4]; N],
+    ) {
+        let add = |row: &mut [f32; 4], add: &[f32; 4]| {
+            for c in 0..4 {
+                row[c] += add[c];
+            }
+        };
+        let place = self.places(i);
+        for (e, block) in entries.into_iter().zip(blocks) {
+            match place(e) {
+                Place::Left(at) => {
+                    self.left[at].iter_mut().zip(block).for_each(|(r, b)| add(r, b));
+                }
+                Place::Own => self.own[i].iter_mut().zip(block).for_each(|(r, b)| add(r, b)),
+                Place::Right(at) => {
+                    let A = self.right_velocity[9 * at..].first_chunk_mut::<10>();
+                    let A = A.expect("a value follows the last block");
+                    // Rows of four overlap: all are read before the first is written.
+                    let rows: [[f32; 4]; 3] = std::array::from_fn(|r| {
+                        let add = [block[r][0], block[r][1], block[r][2], 0.0];
+                        std::array::from_fn(|c| A[3 * r + c] + add[c])
+                    });
+                    for (r, row) in rows.iter().enumerate() {
+                        A[3 * r..3 * r + 4].copy_from_slice(row);
+                    }
+                    let G = self.right_gradient[3 * at..].first_chunk_mut::<4>();
+                    let G = G.expect("a value follows the last column");
+                    (0..3).for_each(|r| G[r] += block[r][3]);
+                }
+            }
+            add(&mut self.continuity[e], &block[3]);
+        }
     }
 
     /// The same for each velocity component by itself.
     pub fn add_velocity(&mut self, i: usize, e: usize, value: f64) {
         let mut block = [[0.0; 4]; 4];
-        (0..3).for_each(|k| block[k][k] = value);
-        self.add(i, e, &block);
+        (0..3).for_each(|k| block[k][k] = value as f32);
+        self.add(i, [e], &[block]);
     }
 
     /// The block of entry `e`, in row `i`.
     pub fn block(&self, i: usize, e: usize) -> [[f64; 4]; 4] {
-        let [x, y, z] = match self.place(i, e) {
+        let [x, y, z] = match self.places(i)(e) {
             Place::Left(at) => self.left[at],
             Place::Own => self.own[i],
             Place::Right(at) => {
@@ -190,7 +207,7 @@ impl SaddleCsr {
 
     /// Sets the block of entry `e`, in row `i`.
     pub fn set(&mut self, i: usize, e: usize, block: &[[f64; 4]; 4]) {
-        match self.place(i, e) {
+        match self.places(i)(e) {
             Place::Left(at) => self.left[at] = Default::default(),
             Place::Own => self.own[i] = Default::default(),
             Place::Right(at) => {
@@ -199,7 +216,7 @@ impl SaddleCsr {
             }
         }
         self.continuity[e] = [0.0; 4];
-        self.add(i, e, block);
+        self.add(i, [e], &[block.map(|row| row.map(|value| value as f32))]);
     }
 
     /// The diagonal of row i.
@@ -275,7 +292,7 @@ impl<T: Value> From<&BlockCsr<4, T>> for SaddleCsr {
         let mut matrix = Self::zero(&a.pattern);
         for i in 0..a.n_rows() {
             for e in a.row(i) {
-                matrix.add(i, e, &a.values[e].map(|row| row.map(Into::into)));
+                matrix.set(i, e, &a.values[e].map(|row| row.map(Into::into)));
             }
         }
         matrix

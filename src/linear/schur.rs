@@ -4,7 +4,10 @@
 //! `S = C − D A⁻¹ G ≈ L = ∫ ((Δt_eff + τ)/ρ) ∇q·∇p`, `1/Δt_eff = 1/Δt + 2θ|u|/h` (Elman, Silvester
 //! & Wathen 2014, ch. 9, in the algebraic pressure-projection form). One application is one
 //! projection step. Velocity gets one forward and one backward half sweep of 3×3 blocks within the
-//! rank; ghosts are exchanged between them. Where viscosity rules, that is not enough: see `viscous`.
+//! rank; ghosts are exchanged between them. With `A = D + L + U` within the rank and `H` across ranks that is
+//! `(D+U)⁻¹ (D−H) (D+L)⁻¹`, positive unless H outweighs D: where a border of ranks cuts a ghost penalty it would,
+//! and H is scaled down (compare Baker, Falgout, Kolev & Yang 2011). Where viscosity rules, one sweep is
+//! not enough: see `viscous`.
 //!
 //! All in f32. The matrix is read where it is; it is stored as the half sweeps want it (`saddle`).
 
@@ -25,6 +28,8 @@ pub struct SchurPreconditioner {
     multigrid: Multigrid,
     /// Columns of A_ii⁻¹, each with a fourth entry 0.
     inverse: Vec<[[f32; 4]; 3]>,
+    /// What each row's ghosts are multiplied by in the backward half sweep: 1 / max(1, Σ |tr A_ii⁻¹ A_ij| / 3).
+    damping: Vec<f32>,
     viscous: Option<ViscousCorrection>,
     /// Changes of the backward half sweep, and what they leave of the right-hand side.
     change: Vec<[f32; 4]>,
@@ -45,6 +50,7 @@ impl SchurPreconditioner {
             halo: halo.clone(),
             multigrid: Multigrid::new(halo),
             inverse: Vec::new(),
+            damping: Vec::new(),
             viscous: None,
             change: Vec::new(),
             left_over: Vec::new(),
@@ -64,6 +70,9 @@ impl SchurPreconditioner {
         });
         self.inverse.clear();
         self.inverse.extend((0..a.n_rows()).map(|i| inverse(a.own(i))));
+        self.damping.clear();
+        let shares = self.inverse.iter().enumerate().map(|(i, inverse)| ghost_share(a, i, inverse));
+        self.damping.extend(shares.map(|share| 1.0 / share.max(1.0)));
     }
 
     /// With the matrix of the last `setup`.
@@ -105,9 +114,16 @@ impl SchurPreconditioner {
         for (i, inverse) in self.inverse.iter().enumerate().rev() {
             let mut sum = [[0.0; 4]; 3];
             let (at, columns) = a.right(i);
-            for (k, &j) in columns.iter().enumerate().rev() {
-                add_rows::<3>(&mut sum, a.right_block(at + k), &velocity(&z[j as usize]));
+            let n_owned = columns.len() - ghosts(columns, self.inverse.len());
+            let add = |sum: &mut [[f32; 4]; 3], k: usize| {
+                let z = velocity(&z[columns[k] as usize]);
+                add_rows::<3>(sum, a.right_block(at + k), &z);
+            };
+            (n_owned..columns.len()).rev().for_each(|k| add(&mut sum, k));
+            if n_owned < columns.len() {
+                sum.as_flattened_mut().iter_mut().for_each(|sum| *sum *= self.damping[i]);
             }
+            (0..n_owned).rev().for_each(|k| add(&mut sum, k));
             z[i] = add_product(z[i], inverse, minus(sum));
         }
     }
@@ -167,6 +183,24 @@ impl Preconditioner for Schur<'_> {
             parts.correct_viscous(a, z);
         }
     }
+}
+
+/// How many of the ascending `columns` are ghosts.
+#[inline]
+fn ghosts(columns: &[u32], n_owned: usize) -> usize {
+    columns.iter().rev().take_while(|&&j| j as usize >= n_owned).count()
+}
+
+/// Σ |tr A_ii⁻¹ A_ij| / 3 over the ghosts j in row i.
+fn ghost_share(a: &SaddleCsr, i: usize, inverse: &[[f32; 4]; 3]) -> f32 {
+    let (at, columns) = a.right(i);
+    let trace = |at: usize| {
+        let block = a.right_block(at);
+        let rows = (0..9).map(|k| inverse[k % 3][k / 3] * block[3 * (k % 3) + k / 3]);
+        rows.sum::<f32>().abs() / 3.0
+    };
+    let first = at + columns.len() - ghosts(columns, a.n_rows());
+    (first..at + columns.len()).map(trace).sum()
 }
 
 /// sum_r += row r of the block · x, lane by lane; rows are `STRIDE` values apart.

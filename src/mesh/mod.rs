@@ -8,6 +8,7 @@ pub mod error;
 mod faces;
 pub mod import;
 pub mod locate;
+pub mod number;
 mod order;
 pub mod part;
 mod piece;

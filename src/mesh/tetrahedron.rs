@@ -1,14 +1,15 @@
 //! The P1 tetrahedron: constant gradients, volume, size.
 
+use super::number::Real;
 use crate::mesh::Mesh;
 
 /// Geometry of one tetrahedron.
 #[derive(Clone, Copy, Debug)]
-pub struct Tetrahedron {
+pub struct Tetrahedron<R = f64> {
     /// ∇N_i, constant [1/m].
-    pub grad: [[f64; 3]; 4],
+    pub grad: [[R; 3]; 4],
     /// Volume [m³], negative if inverted.
-    pub volume: f64,
+    pub volume: R,
 }
 
 impl Tetrahedron {
@@ -17,37 +18,39 @@ impl Tetrahedron {
     pub fn of(mesh: &Mesh, e: usize) -> Self {
         Self::new(mesh.tets[e].map(|n| mesh.nodes[n as usize]))
     }
+}
 
+impl<R: Real> Tetrahedron<R> {
     /// From its corners.
     #[inline(always)]
-    pub fn new(x: [[f64; 3]; 4]) -> Self {
+    pub fn new(x: [[R; 3]; 4]) -> Self {
         let d = |i: usize| [x[i][0] - x[0][0], x[i][1] - x[0][1], x[i][2] - x[0][2]];
         let (a, b, c) = (d(1), d(2), d(3));
-        let cross = |u: [f64; 3], v: [f64; 3]| {
+        let cross = |u: [R; 3], v: [R; 3]| {
             [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
         };
         let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
         let det = a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2];
-        let inverse = 1.0 / det;
-        let mut grad = [[0.0; 3]; 4];
+        let inverse = R::of(1.0) / det;
+        let mut grad = [[R::default(); 3]; 4];
         for k in 0..3 {
             grad[1][k] = bc[k] * inverse;
             grad[2][k] = ca[k] * inverse;
             grad[3][k] = ab[k] * inverse;
             grad[0][k] = -(grad[1][k] + grad[2][k] + grad[3][k]);
         }
-        Self { grad, volume: det / 6.0 }
+        Self { grad, volume: det / R::of(6.0) }
     }
 
     /// h_e = (6√2 V)^(1/3): edge of the regular tetrahedron of the same volume [m].
     #[inline]
-    pub fn size(&self) -> f64 {
-        cube_root(6.0 * std::f64::consts::SQRT_2 * self.volume)
+    pub fn size(&self) -> R {
+        (R::of(6.0 * std::f64::consts::SQRT_2) * self.volume).cube_root()
     }
 
     /// Gradient of the P1 function with these nodal values.
     #[inline]
-    pub fn gradient(&self, f: [f64; 4]) -> [f64; 3] {
+    pub fn gradient(&self, f: [R; 4]) -> [R; 3] {
         let g = &self.grad;
         std::array::from_fn(|k| f[0] * g[0][k] + f[1] * g[1][k] + f[2] * g[2][k] + f[3] * g[3][k])
     }
@@ -64,7 +67,7 @@ pub fn volume(x: &[[f64; 3]; 4]) -> f64 {
 
 /// ∛v to 1e-14, faster than `cbrt`: a third of the exponent, and two of Halley's steps.
 #[inline]
-fn cube_root(v: f64) -> f64 {
+pub(super) fn cube_root(v: f64) -> f64 {
     let size = v.abs();
     let mut y = f64::from_bits(size.to_bits() / 3 + 0x2a9f_7893_782d_a1ce);
     for _ in 0..2 {

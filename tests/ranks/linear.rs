@@ -160,6 +160,41 @@ pub fn flow_system_on_ranks(comm: &Communicator) {
     }
 }
 
+/// Velocities that hang together within elements as firmly as by a ghost penalty, also across ranks: the counts of one
+/// rank, where sweeps that took their neighbours' changes whole would be indefinite.
+pub fn stiff_elements_on_ranks(comm: &Communicator) {
+    let parts = boxes(comm, [12, 10, 8], 1.0);
+    let results = parts.each_ref().map(|part| {
+        let graph = graph(part);
+        let mut A = BlockCsr::<4>::zero(&graph.pattern);
+        let mut L = BlockCsr::<1>::zero(&graph.pattern);
+        for (e, tet) in part.mesh.tets.iter().enumerate() {
+            for i in (0..4).filter(|&i| (tet[i] as usize) < part.n_owned()) {
+                for (j, at) in graph.entries(e, tet, i).into_iter().enumerate() {
+                    let own = f64::from(u8::from(i == j));
+                    (0..3).for_each(|k| A.values[at][k][k] += 1.0 + 0.1 * own);
+                    A.values[at][3][3] += own;
+                    L.values[at][0][0] += own;
+                }
+            }
+        }
+        let (b, halo) = (vector::<4>(part), halo(part, &A));
+        let product = OwnedProduct::plain::<4>(&halo);
+        let (split, mut schur) = (SaddleCsr::from(&A), SchurPreconditioner::new(&halo));
+        schur.setup(&split, &L, None);
+        let settings = KrylovSettings { relative: 1e-8, ..KrylovSettings::default() };
+        let (mut x, mut work) = (vec![0.0; b.len()], Workspace::default());
+        let A = DistributedOperator::new(&A, &halo);
+        fgmres(&A, &mut schur.with(&split), &product, &b, &mut x, &settings, &mut work)
+            .unwrap()
+            .iterations
+    });
+    if comm.rank() == 0 {
+        println!("  stiff elements: {}, one rank: {}", results[0], results[1]);
+    }
+    assert!(results[0] <= results[1] + results[1] / 4 + 2, "{results:?}");
+}
+
 /// A failure on one rank is the same failure on all.
 pub fn failed_solves_on_ranks(comm: &Communicator) {
     let [part, _] = boxes(comm, [6, 5, 4], 1.0);

@@ -44,6 +44,7 @@ const BODIES: &[(&str, Body)] = &[
     ("operator_and_product", linear::operator_and_product),
     ("multigrid_on_ranks", linear::multigrid_on_ranks),
     ("flow_system_on_ranks", linear::flow_system_on_ranks),
+    ("stiff_elements_on_ranks", linear::stiff_elements_on_ranks),
     ("viscous_flow_on_ranks", viscous::viscous_flow_on_ranks),
     ("failed_solves_on_ranks", linear::failed_solves_on_ranks),
     ("free_surface_on_ranks", phase::free_surface_on_ranks),

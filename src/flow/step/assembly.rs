@@ -3,6 +3,7 @@
 
 use super::energy::wet_face;
 use super::*;
+use crate::fem::number::{f64x4, packed};
 use crate::flow::loads::Load;
 use crate::flow::mass_balance::Gain;
 
@@ -18,39 +19,70 @@ impl Flow {
         theta: f64,
     ) -> Element {
         let tet = &part.mesh.tets[e];
-        let x = tet.map(|n| part.mesh.nodes[n as usize]);
-        let geometry = Tetrahedron::new(x);
-        let fluids = material;
-        let mut material = fluids.element(tet, &x, &geometry);
-        let drift = fluids.drift(e, material.rho);
-        if !self.nodal_force.is_empty() {
-            let f = tet.map(|n| self.nodal_force[n as usize]);
-            for k in 0..3 {
-                let sum = f[0][k] + f[1][k] + f[2][k] + f[3][k];
-                for i in 0..4 {
-                    material.force[i][k] += material.rho * (sum + f[i][k]) / 5.0;
-                }
-            }
-        }
-        let laplacian = if material.grad_mu == [0.0; 3] && !self.laplacian.is_empty() {
-            let l = tet.map(|n| self.laplacian[n as usize]);
-            let share = 0.25 * viscous_force::share(&geometry);
-            std::array::from_fn(|k| share * (l[0][k] + l[1][k] + l[2][k] + l[3][k]))
-        } else {
-            [0.0; 3]
-        };
-        Element {
-            geometry,
-            material,
-            u: tet.map(|n| old[n as usize]),
-            a: tet.map(|n| {
-                let a = self.a[n as usize];
-                std::array::from_fn(|k| a[k] + drift[k])
-            }),
-            laplacian,
+        let corners = |of: &[[f64; 3]]| tet.map(|n| of[n as usize]);
+        let x = corners(&part.mesh.nodes);
+        let mut element = Element {
+            geometry: Tetrahedron::new(x),
+            material: material.element(tet, &x),
+            u: corners(old),
+            a: corners(&self.a),
+            laplacian: self.laplacian_in(part, material, e),
             dt,
             theta,
+        };
+        if !self.nodal_force.is_empty() {
+            element.material.add_force(&corners(&self.nodal_force));
         }
+        element.carry(material.drift(e, element.material.rho));
+        element
+    }
+
+    /// Four of them.
+    #[inline(always)]
+    pub(super) fn elements(
+        &self,
+        part: &MeshPart,
+        material: &Material,
+        four: [usize; 4],
+        old: &[[f64; 3]],
+        dt: f64,
+        theta: f64,
+    ) -> Element<f64x4> {
+        let tets = four.map(|e| part.mesh.tets[e]);
+        let x = corners(&tets, &part.mesh.nodes);
+        let geometry = Tetrahedron::new(x);
+        let mut element = Element {
+            geometry,
+            material: material.elements(&tets, &x, &geometry),
+            u: corners(&tets, old),
+            a: corners(&tets, &self.a),
+            laplacian: [f64x4::default(); 3],
+            dt,
+            theta,
+        };
+        if !self.laplacian.is_empty() {
+            let all = four.map(|e| self.laplacian_in(part, material, e));
+            element.laplacian = [0, 1, 2].map(|k| packed(&all, |l| l[k]));
+        }
+        if !self.nodal_force.is_empty() {
+            element.material.add_force(&corners(&tets, &self.nodal_force));
+        }
+        let rho = element.material.rho.to_array();
+        let drift: [_; 4] = std::array::from_fn(|l| material.drift(four[l], rho[l]));
+        element.carry([0, 1, 2].map(|k| packed(&drift, |d| d[k])));
+        element
+    }
+
+    /// ∇²uⁿ in element `e`.
+    #[inline]
+    fn laplacian_in(&self, part: &MeshPart, material: &Material, e: usize) -> [f64; 3] {
+        let tet = &part.mesh.tets[e];
+        if self.laplacian.is_empty() || !material.is_pure(tet) {
+            return [0.0; 3];
+        }
+        let l = tet.map(|n| self.laplacian[n as usize]);
+        let share = 0.25 * viscous_force::share(&Tetrahedron::of(&part.mesh, e));
+        std::array::from_fn(|k| share * (l[0][k] + l[1][k] + l[2][k] + l[3][k]))
     }
 
     pub(super) fn evaluate_body_force(&mut self, part: &MeshPart, t: f64) {
@@ -73,8 +105,7 @@ impl Flow {
         WallElement { element, pieces: &c.pieces, surface, x, method: self.wall, swept }
     }
 
-    /// What element `e`, which has fluid, and the wall in it add to the step's system.
-    #[inline]
+    /// What element `e`, which has fluid, and the wall in it add to the step's system, where `unknowns` are.
     pub(super) fn system(
         &self,
         part: &MeshPart,
@@ -82,14 +113,49 @@ impl Flow {
         surfaces: &[Surface],
         e: usize,
         element: &Element,
+        unknowns: &[[f64; 4]; 4],
+        matrix: bool,
     ) -> ElementSystem {
+        let mut system = ElementSystem::default();
         let Cell::Cut(c) = cut.cell(e) else {
-            return element.system(&Whole(element.geometry.volume));
+            element.system(&Whole(element.geometry.volume), unknowns, matrix, &mut system);
+            return system;
         };
-        let mut system = element.system(&c.pieces.fluid);
+        element.system(&c.pieces.fluid, unknowns, matrix, &mut system);
         let x = part.mesh.corners(e);
-        self.wall(cut, element, c, &surfaces[c.body as usize], &x).add(&mut system);
+        self.wall(cut, element, c, &surfaces[c.body as usize], &x).add(unknowns, &mut system);
         system
+    }
+
+    /// Asks for the memory that element `e` adds to.
+    #[inline]
+    fn fetch(&self, part: &MeshPart, e: usize) {
+        let tet = &part.mesh.tets[e];
+        for i in (0..4).filter(|&i| (tet[i] as usize) < part.n_owned()) {
+            self.matrix.fetch(tet[i] as usize, self.graph.entries(e, tet, i));
+        }
+    }
+
+    /// Adds what element `e` does, with or without its matrix.
+    #[inline]
+    fn add_system(&mut self, part: &MeshPart, e: usize, system: &ElementSystem, matrix: bool) {
+        let tet = &part.mesh.tets[e];
+        for i in 0..4 {
+            let node = tet[i] as usize;
+            if node >= part.n_owned() {
+                continue;
+            }
+            add(&mut self.rhs[node], &system.rhs[i]);
+            add(&mut self.left[node], &system.left[i]);
+            if !matrix {
+                continue;
+            }
+            let entries = self.graph.entries(e, tet, i);
+            self.matrix.add(node, entries, &system.matrix.as_chunks().0[i]);
+            for (at, pressure) in entries.into_iter().zip(&system.pressure[4 * i..]) {
+                self.pressure.values[at][0][0] += f64::from(*pressure);
+            }
+        }
     }
 
     /// What `x` leaves of the equations and, with `matrix`, the matrix of its change.
@@ -109,37 +175,26 @@ impl Flow {
         }
         self.rhs.fill([0.0; 4]);
         self.left.fill([0.0; 4]);
-        let n_owned = part.n_owned();
-        for e in 0..part.n_assembled_elements {
-            if matches!(cut.cell(e), Cell::Solid) {
-                continue;
-            }
-            let tet = &part.mesh.tets[e];
+        let n = part.n_assembled_elements;
+        let (mut together, mut each) = (ElementSystem::default(), [ElementSystem::default(); 4]);
+        for (four, n) in fours(cut.uncut(n)) {
             if matrix {
-                for i in (0..4).filter(|&i| (tet[i] as usize) < n_owned) {
-                    for at in self.graph.entries(e, tet, i) {
-                        self.matrix.fetch(tet[i] as usize, at);
-                    }
-                }
+                four.iter().for_each(|&e| self.fetch(part, e));
             }
+            let elements = self.elements(part, material, four, &self.u, dt, theta);
+            let x = corners(&four.map(|e| part.mesh.tets[e]), &self.x);
+            elements.system(&Whole(elements.geometry.volume), &x, matrix, &mut together);
+            together.unpacked(matrix, &mut each);
+            for (&e, system) in four.iter().zip(&each).take(n) {
+                self.add_system(part, e, system, matrix);
+            }
+        }
+        for c in cut.cut(n) {
+            let e = c.element as usize;
             let element = self.element(part, material, e, &self.u, dt, theta);
-            let system = self.system(part, cut, surfaces, e, &element);
-            let x = tet.map(|n| self.x[n as usize]);
-            for i in 0..4 {
-                let node = tet[i] as usize;
-                if node >= n_owned {
-                    continue;
-                }
-                add(&mut self.rhs[node], &system.rhs[i]);
-                add(&mut self.left[node], &system.left(i, &x));
-                if !matrix {
-                    continue;
-                }
-                for (j, at) in self.graph.entries(e, tet, i).into_iter().enumerate() {
-                    self.matrix.add(node, at, &system.matrix[4 * i + j]);
-                    self.pressure.values[at][0][0] += system.pressure[4 * i + j];
-                }
-            }
+            let x = part.mesh.tets[e].map(|n| self.x[n as usize]);
+            let system = self.system(part, cut, surfaces, e, &element, &x, matrix);
+            self.add_system(part, e, &system, matrix);
         }
         // Where structures move, the continuity equation counts the very volume that nodes gain by it.
         if self.wall == Method::Nitsche {
@@ -213,7 +268,7 @@ impl Flow {
             u: n.map(|n| old[n]),
             a: n.map(|n| self.a[n]),
             p: n.map(|n| self.x[n][3]),
-            rho: material.element(tet, &corners, &Tetrahedron::new(corners)).rho,
+            rho: material.element(tet, &corners).rho,
             theta,
         })
     }
@@ -226,15 +281,17 @@ impl Flow {
         let mut left = Load::default();
         for e in 0..part.n_owned_elements {
             let element = self.element(part, material, e, &self.u_old, dt, theta);
-            let system = match cut.cell(e) {
-                Cell::Solid => continue,
-                Cell::Cut(c) => element.system(&c.pieces.fluid),
-                Cell::Whole => element.system(&Whole(element.geometry.volume)),
-            };
             let x = part.mesh.tets[e].map(|n| self.x[n as usize]);
-            let u = x.map(|x| [x[0], x[1], x[2]]);
+            let mut system = ElementSystem::default();
+            match cut.cell(e) {
+                Cell::Solid => continue,
+                Cell::Cut(c) => element.system(&c.pieces.fluid, &x, false, &mut system),
+                Cell::Whole => {
+                    element.system(&Whole(element.geometry.volume), &x, false, &mut system);
+                }
+            }
             for (i, place) in part.mesh.corners(e).into_iter().enumerate() {
-                left.add(system.momentum(i, &u, &x.map(|x| x[3])), place);
+                left.add(system.momentum(i), place);
             }
         }
         for (f, (e, nodes)) in self.open_faces.iter().enumerate() {

@@ -7,6 +7,7 @@
 
 use super::*;
 use crate::fem::dot;
+use crate::fem::region::Region;
 use crate::flow::mass_balance::Gain;
 
 /// Energy that went over a step [J]; losses and work done by the fluid are positive.
@@ -180,7 +181,7 @@ impl Flow {
         sum.kinetic[1] += element.kinetic_energy(fluid, &new);
         let x = part.mesh.corners(e);
         sum.potential += element.potential_energy(fluid, &x, material.gravity());
-        let gravity = material.element(tet, &x, &element.geometry).force;
+        let gravity = material.element(tet, &x).force;
         let fall = |u: &[[f64; 3]; 4]| {
             let work = (0..4).map(|i| fluid.first(i) * dot(u[i], gravity[i]));
             0.5 * dt * work.sum::<f64>()
@@ -261,10 +262,10 @@ impl Flow {
                 continue;
             }
             let element = self.element(part, material, e, &self.u_old, dt, theta);
-            let system = self.system(part, cut, surfaces, e, &element);
             let (u, p) = (tet.map(|n| self.u[n as usize]), tet.map(|n| self.p[n as usize]));
+            let system = self.system(part, cut, surfaces, e, &element, &unknowns(&u, &p), false);
             for i in 0..4 {
-                let row = system.momentum(i, &u, &p);
+                let row = system.momentum(i);
                 sum.boundaries -= dt * dot(given[tet[i] as usize], row);
             }
         }
@@ -305,7 +306,7 @@ impl Flow {
             }
             let Some((normal, mass)) = wet_face(part, cut, e, face.nodes) else { continue };
             let (tet, x) = (&part.mesh.tets[e], part.mesh.corners(e));
-            let rho = material.element(tet, &x, &Tetrahedron::new(x)).rho;
+            let rho = material.element(tet, &x).rho;
             let v = face.nodes.map(|n| self.mean_velocity(n as usize));
             for (i, &n) in face.nodes.iter().enumerate() {
                 let flux: f64 = (0..3).map(|j| mass[i][j] * dot(v[j], normal)).sum();

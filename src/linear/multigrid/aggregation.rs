@@ -26,6 +26,8 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
     let mut group = vec![NONE; n];
     let mut size: Vec<u32> = Vec::new();
     let mut candidates: Vec<(u32, f64)> = Vec::with_capacity(256);
+    // Where each node is among them.
+    let mut place = vec![NONE; n];
     for seed in 0..n {
         if group[seed] != NONE {
             continue;
@@ -33,7 +35,7 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
         let mine = size.len() as u32;
         let mut members = 0;
         let mut next = Some(seed);
-        candidates.clear();
+        candidates.drain(..).for_each(|(j, _)| place[j as usize] = NONE);
         while let Some(i) = next {
             group[i] = mine;
             members += 1;
@@ -46,9 +48,11 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
                 }
                 let tie = -v[0][0] * scale[i] * scale[j];
                 if tie > theta {
-                    match candidates.iter_mut().find(|c| c.0 == j as u32) {
-                        Some(c) => c.1 += tie,
-                        None => candidates.push((j as u32, tie)),
+                    if place[j] == NONE {
+                        place[j] = candidates.len() as u32;
+                        candidates.push((j as u32, tie));
+                    } else {
+                        candidates[place[j] as usize].1 += tie;
                     }
                 }
             }
@@ -58,7 +62,13 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
                     best = Some(at);
                 }
             }
-            next = best.map(|at| candidates.swap_remove(at).0 as usize);
+            next = best.map(|at| {
+                let (chosen, _) = candidates.swap_remove(at);
+                if let Some((moved, _)) = candidates.get(at) {
+                    place[*moved as usize] = at as u32;
+                }
+                chosen as usize
+            });
         }
         size.push(members as u32);
     }
