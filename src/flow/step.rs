@@ -97,6 +97,8 @@ pub struct Flow {
     graph: NodeGraph,
     weights: Vec<f64>,
     preconditioner: SchurPreconditioner,
+    /// Whether that is the matrix's.
+    is_prepared: bool,
     workspace: Workspace,
 }
 
@@ -195,6 +197,7 @@ impl Flow {
             graph: graph.clone(),
             weights: Vec::new(),
             preconditioner,
+            is_prepared: false,
             workspace: Workspace::default(),
         };
         flow.list_constrained();
@@ -372,11 +375,12 @@ impl Flow {
         for round in 0.. {
             let clock = part.comm.clock();
             // In a step done again only the walls' velocities have changed, and its matrix will do.
-            let anew = round == 0 && (again.is_none() || self.picard > 1);
+            let anew = round == 0 && (again.is_none() || self.picard > 1 || !self.is_prepared);
             report.squeezed = self.assemble(part, cut, surfaces, material, dt, theta, anew);
             report.assembly += clock.elapsed();
             let clock = part.comm.clock();
             if anew {
+                self.is_prepared = false;
                 residual_weights(&self.matrix, &self.pressure, &mut self.weights);
             }
             let product = OwnedProduct::weighted::<4>(&self.graph.halo, &self.weights);
@@ -397,11 +401,12 @@ impl Flow {
             if done.residual > 0.5 * before {
                 return Err(failed(done.iterations, Reason::Stagnated));
             }
-            if anew {
+            if !self.is_prepared {
                 let viscous = viscous::rules(material, self.smallest, dt, theta).then(|| {
                     viscous::operators(part, cut, material, &self.constraints, &self.matrix, theta)
                 });
                 self.preconditioner.setup(&self.matrix, &self.pressure, viscous.as_ref());
+                self.is_prepared = true;
             }
             let reduction = target / done.residual;
             let settings = KrylovSettings {
