@@ -13,7 +13,7 @@
 
 use crate::case::{self, Case, Fluid};
 use crate::fem::dot;
-use crate::fem::number::{Real, f64x4, packed};
+use crate::fem::number::{Real, f64x4, scalars};
 use crate::fem::tetrahedron::Tetrahedron;
 
 /// ψ is used up to this many δ from the surface, where φ differs from 0 or 1 by 1e-13.
@@ -145,7 +145,8 @@ impl Material {
 
     #[inline(never)]
     fn mixed_one(&self, tet: &[u32; 4], x: &[[f64; 3]; 4]) -> ElementMaterial {
-        self.mixed(|v| tet.map(|n| v[n as usize]), x, &Tetrahedron::new(*x))
+        let nodal = [&self.phi, &self.psi, &self.integral];
+        self.mixed(nodal.map(|v| tet.map(|n| v[n as usize])), x, &Tetrahedron::new(*x))
     }
 
     /// Of four.
@@ -159,7 +160,11 @@ impl Material {
         if tets.iter().all(|tet| self.is_pure(tet)) {
             return self.pure(tets, f64x4::from);
         }
-        self.mixed(|v| [0, 1, 2, 3].map(|i| packed(tets, |tet| v[tet[i] as usize])), x, t)
+        self.mixed(
+            [scalars(tets, &self.phi), scalars(tets, &self.psi), scalars(tets, &self.integral)],
+            x,
+            t,
+        )
     }
 
     /// Whether φ has one value in the element.
@@ -182,16 +187,15 @@ impl Material {
         ElementMaterial { rho, mu, grad_mu: [R::default(); 3], force: [force; 4] }
     }
 
-    /// `at` takes nodal values to the corners.
+    /// From φ, ψ/δ and I(ψ)/δ at the corners.
     #[inline(always)]
     fn mixed<R: Real>(
         &self,
-        at: impl Fn(&[f64]) -> [R; 4],
+        [phi, psi, integral]: [[R; 4]; 3],
         x: &[[R; 3]; 4],
         t: &Tetrahedron<R>,
     ) -> ElementMaterial<R> {
         let of = R::of;
-        let phi = at(&self.phi);
         let share = |gas: f64, liquid: f64, phi: R| of(gas) + of(liquid - gas) * phi;
         let density = |phi: R| share(self.gas.density, self.liquid.density, phi);
         let mean = of(0.25) * ((phi[0] + phi[1]) + (phi[2] + phi[3]));
@@ -200,7 +204,6 @@ impl Material {
         let grad_mu = t.gradient(phi).map(|g| of(dmu) * g);
         match self.form {
             case::Gravity::Edge => {
-                let (psi, integral) = (at(&self.psi), at(&self.integral));
                 let (mut rho, mut force) = (R::default(), [R::default(); 3]);
                 for i in 0..3 {
                     for j in i + 1..4 {

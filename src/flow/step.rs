@@ -21,7 +21,7 @@ use crate::case::{Boundary, Case, Formula};
 use crate::cut::tetrahedron::cut_face;
 use crate::cut::{Cell, CutElement, CutMesh, Extension, Surface};
 use crate::fem::constraints::{Constraints, FREE};
-use crate::fem::number::{corners, f64x4, fours};
+use crate::fem::number::{corners, f64x4, fours, scalars};
 use crate::fem::region::Whole;
 use crate::fem::tetrahedron::Tetrahedron;
 use crate::fem::{norm, triangle_normal};
@@ -467,7 +467,7 @@ impl Flow {
             let fluid = Whole(element.geometry.volume);
             let tets = four.map(|e| part.mesh.tets[e]);
             let (u, x) = (corners(&tets, &self.u), corners(&tets, &part.mesh.nodes));
-            let p = corners(&tets, self.p.as_chunks::<1>().0).map(|[p]| p);
+            let p = scalars(&tets, &self.p);
             let fine = element.fine_scale(&fluid, &u, &p).map(f64x4::to_array);
             let kinetic = element.kinetic_energy(&fluid, &u).to_array();
             let potential = element.potential_energy(&fluid, &x, g).to_array();

@@ -119,11 +119,21 @@ pub fn fours(
     })
 }
 
+/// Nodal values at the corners of four elements.
+#[inline(always)]
+pub fn scalars(tets: &[[u32; 4]; 4], of: &[f64]) -> [f64x4; 4] {
+    corners(tets, of.as_chunks::<1>().0).map(|[v]| v)
+}
+
 /// Nodal vectors at the corners of four elements.
 #[inline(always)]
 pub fn corners<const C: usize>(tets: &[[u32; 4]; 4], of: &[[f64; C]]) -> [[f64x4; C]; 4] {
-    std::array::from_fn(|i| {
-        let v = tets.map(|tet| of[tet[i] as usize]);
-        std::array::from_fn(|k| packed(&v, |v| v[k]))
-    })
+    let mut packed = [[f64x4::default(); C]; 4];
+    for i in 0..4 {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|l| &of[tets[l][i] as usize]);
+        for k in 0..C {
+            packed[i][k] = f64x4::from([a[k], b[k], c[k], d[k]]);
+        }
+    }
+    packed
 }

@@ -1,33 +1,34 @@
 //! What one element adds to the transport step: the matrix for φ* = φ_h, and the profile's part.
 
 use super::boundary::face_flux;
-use super::profile::{OUTER, moments, tangent};
+use super::profile::{Node, OUTER, moments, tangent};
 use super::transport::Given;
 use super::{Form, Phase};
 use crate::cut::{Cell, CutMesh};
 use crate::fem::dot;
+use crate::fem::number::{Real, corners, f64x4, fours, packed};
 use crate::fem::region::{Region, Whole};
 use crate::mesh::MeshPart;
 use crate::mesh::tetrahedron::Tetrahedron;
 
-/// ũ against the shape functions of one element.
-struct Convection {
+/// ũ against the shape functions of one element, or of four.
+struct Convection<R = f64> {
     /// ũ_e.
-    u: [f64; 3],
+    u: [R; 3],
     /// `b[k][j]` = ũ(x_k)·∇N_j.
-    b: [[f64; 4]; 4],
+    b: [[R; 4]; 4],
     /// ũ_e·∇N_j.
-    mean: [f64; 4],
-    tau: f64,
+    mean: [R; 4],
+    tau: R,
 }
 
-impl Convection {
+impl<R: Real> Convection<R> {
     #[inline(always)]
     fn new(
-        t: &Tetrahedron,
-        fluid: &impl Region,
-        u: [[f64; 3]; 4],
-        fine: [f64; 3],
+        t: &Tetrahedron<R>,
+        fluid: &impl Region<R>,
+        u: [[R; 3]; 4],
+        fine: [R; 3],
         dt: f64,
     ) -> Self {
         let u = u.map(|u| [u[0] - fine[0], u[1] - fine[1], u[2] - fine[2]]);
@@ -35,8 +36,38 @@ impl Convection {
         let um = fluid.mean(&u);
         let mean = t.grad.map(|g| dot(um, g));
         let h = t.size();
-        let tau = 1.0 / (4.0 / (dt * dt) + 4.0 * dot(um, um) / (h * h)).sqrt();
-        Self { u: um, b, mean, tau }
+        let rate = R::of(4.0 / (dt * dt)) + R::of(4.0) * dot(um, um) / (h * h);
+        Self { u: um, b, mean, tau: R::of(1.0) / rate.square_root() }
+    }
+}
+
+/// Four elements that the interface is in.
+struct Four {
+    t: Tetrahedron<f64x4>,
+    convection: Convection<f64x4>,
+    nodes: [Node<f64x4>; 4],
+    w: f64x4,
+}
+
+impl Four {
+    #[inline(always)]
+    fn new(
+        phase: &Phase,
+        part: &MeshPart,
+        given: &Given<'_>,
+        weight: &[f32],
+        four: [usize; 4],
+    ) -> Self {
+        let tets = four.map(|e| part.mesh.tets[e]);
+        let t = Tetrahedron::new(corners(&tets, &part.mesh.nodes));
+        let u = corners(&tets, given.velocity);
+        let fine = [0, 1, 2].map(|k| packed(&four, |&e| given.fine_scale[e][k]));
+        Self {
+            convection: Convection::new(&t, &Whole(t.volume), u, fine, given.dt),
+            t,
+            nodes: phase.profile.corners(&tets),
+            w: packed(&four, |&e| f64::from(weight[e])),
+        }
     }
 }
 
@@ -124,40 +155,40 @@ pub(super) fn add_profile(
     let n_owned = part.n_owned();
     let half = 0.5 * given.dt;
     let sign = if level == Level::New { 1.0 } else { -1.0 };
-    let s = &mut phase.solver;
-    s.excess.fill(0.0);
-    for (e, tet) in part.assembled().iter().enumerate() {
-        let w = f64::from(s.weight[e]);
-        if w == 0.0 {
-            continue;
-        }
-        let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
-        let n = tet.map(|n| n as usize);
-        let p = moments(nodes, w);
-        let t = Tetrahedron::of(&part.mesh, e);
-        let c = Convection::new(
-            &t,
-            &Whole(t.volume),
-            n.map(|n| given.velocity[n]),
-            given.fine_scale[e],
-            given.dt,
-        );
+    phase.solver.excess.fill(0.0);
+    let weight = std::mem::take(&mut phase.solver.weight);
+    let band = (0..part.assembled().len()).filter(|&e| weight[e] > 0.0);
+    for (four, count) in fours(band) {
+        let Four { t, convection: c, nodes, w } = Four::new(phase, part, given, &weight, four);
+        let of = f64x4::splat;
+        let p = moments(nodes.each_ref(), w);
         // ∫ ũ_e·(∇φ* − ∇φ_h) over the unit volume.
-        let along: f64 =
-            (0..4).map(|j| c.mean[j] * (p.slope * nodes[j].s - w * nodes[j].phi)).sum();
-        let total: f64 = p.excess.iter().sum();
-        if level == Level::Old && phase.form == Form::Psi {
-            phase.flux[e] = c.u.map(|u| c.tau * u * (0.5 * along - total / given.dt));
-        }
-        for i in (0..4).filter(|&i| n[i] < n_owned) {
-            let flux: f64 = (0..4).map(|k| c.b[k][i] * p.excess[k]).sum();
-            out[n[i]] +=
-                t.volume * (c.tau * c.mean[i] * (sign * total + half * along) - half * flux);
-            s.excess[n[i]] += t.volume * p.excess[i];
+        let sloping = [0, 1, 2, 3].map(|j| c.mean[j] * (p.slope * nodes[j].s - w * nodes[j].phi));
+        let along = of(half) * ((sloping[0] + sloping[1]) + (sloping[2] + sloping[3]));
+        let total = (p.excess[0] + p.excess[1]) + (p.excess[2] + p.excess[3]);
+        let moved = c.tau * of(1.0 / given.dt) * (along - total);
+        let moved = c.u.map(|u| (moved * u).to_array());
+        let rows = [0, 1, 2, 3].map(|i| {
+            let flux = (c.b[0][i] * p.excess[0] + c.b[1][i] * p.excess[1])
+                + (c.b[2][i] * p.excess[2] + c.b[3][i] * p.excess[3]);
+            let streamline = c.tau * c.mean[i] * (of(sign) * total + along);
+            (t.volume * (streamline - of(half) * flux)).to_array()
+        });
+        let excess = p.excess.map(|excess| (t.volume * excess).to_array());
+        for (l, &e) in four.iter().take(count).enumerate() {
+            if level == Level::Old && phase.form == Form::Psi {
+                phase.flux[e] = moved.map(|moved| moved[l]);
+            }
+            for (i, n) in part.mesh.tets[e].into_iter().enumerate() {
+                if (n as usize) < n_owned {
+                    out[n as usize] += rows[i][l];
+                    phase.solver.excess[n as usize] += excess[i][l];
+                }
+            }
         }
     }
     for face in &part.mesh.boundary {
-        let w = f64::from(s.weight[face.element as usize]);
+        let w = f64::from(weight[face.element as usize]);
         if w == 0.0 {
             continue;
         }
@@ -168,6 +199,7 @@ pub(super) fn add_profile(
             }
         }
     }
+    phase.solver.weight = weight;
 }
 
 /// What SUPG moves φ by, `ũ_e τ` times the mean of `∂tφ* + ũ_e·∇φ*`, added to `phase.flux`, which has the profile's
@@ -227,36 +259,38 @@ fn streamline_flux(
 /// Adds the derivative of the profile's part at the new level, at `phase.profile`, to the matrix.
 pub(super) fn add_tangent(phase: &mut Phase, part: &MeshPart, given: &Given<'_>) {
     let n_owned = part.n_owned();
-    let half = 0.5 * given.dt;
-    let s = &mut phase.solver;
-    for (e, tet) in part.assembled().iter().enumerate() {
-        let w = f64::from(s.weight[e]);
-        if w == 0.0 {
-            continue;
-        }
-        let nodes = tet.map(|n| &phase.profile.nodes[n as usize]);
-        let n = tet.map(|n| n as usize);
-        let t = Tetrahedron::of(&part.mesh, e);
-        let c = Convection::new(
-            &t,
-            &Whole(t.volume),
-            n.map(|n| given.velocity[n]),
-            given.fine_scale[e],
-            given.dt,
-        );
-        let p = tangent(nodes, w);
+    let half = f64x4::splat(0.5 * given.dt);
+    let weight = std::mem::take(&mut phase.solver.weight);
+    let band = (0..part.assembled().len()).filter(|&e| weight[e] > 0.0);
+    for (four, count) in fours(band) {
+        let Four { t, convection: c, nodes, w } = Four::new(phase, part, given, &weight, four);
+        let p = tangent(nodes.each_ref(), w);
         let g = p.excess;
-        let along: f64 = (0..4).map(|j| c.mean[j] * nodes[j].s).sum();
-        let column: [f64; 4] = std::array::from_fn(|j| g[0][j] + g[1][j] + g[2][j] + g[3][j]);
-        for i in (0..4).filter(|&i| n[i] < n_owned) {
-            let scale = t.volume * phase.inverse_lumped[n[i]];
-            let at = s.graph.entries(e, tet, i);
-            for j in 0..4 {
-                let flux: f64 = (0..4).map(|k| c.b[k][i] * g[k][j]).sum();
-                let along = c.mean[j] * (p.slope * nodes[j].ds() - w) + along * p.curvature[j];
-                let value = g[i][j] - half * flux + c.tau * c.mean[i] * (column[j] + half * along);
-                s.matrix.values[at[j]][0][0] += scale * value;
+        let sloping = [0, 1, 2, 3].map(|j| c.mean[j] * nodes[j].s);
+        let along = (sloping[0] + sloping[1]) + (sloping[2] + sloping[3]);
+        let mut rows = [[[0.0; 4]; 4]; 4];
+        for j in 0..4 {
+            let column = (g[0][j] + g[1][j]) + (g[2][j] + g[3][j]);
+            let along = c.mean[j] * (p.slope * nodes[j].ds() - w) + along * p.curvature[j];
+            let streamline = c.tau * (column + half * along);
+            for i in 0..4 {
+                let flux = (c.b[0][i] * g[0][j] + c.b[1][i] * g[1][j])
+                    + (c.b[2][i] * g[2][j] + c.b[3][i] * g[3][j]);
+                let value = g[i][j] - half * flux + c.mean[i] * streamline;
+                rows[i][j] = (t.volume * value).to_array();
+            }
+        }
+        let s = &mut phase.solver;
+        for (l, &e) in four.iter().take(count).enumerate() {
+            let tet = &part.mesh.tets[e];
+            for i in (0..4).filter(|&i| (tet[i] as usize) < n_owned) {
+                let scale = phase.inverse_lumped[tet[i] as usize];
+                let at = s.graph.entries(e, tet, i);
+                for j in 0..4 {
+                    s.matrix.values[at[j]][0][0] += scale * rows[i][j][l];
+                }
             }
         }
     }
+    phase.solver.weight = weight;
 }

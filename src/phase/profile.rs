@@ -9,6 +9,7 @@
 //! Quadrature without exponentials per element: at a point of an orbit (b, b, b, 1−3b),
 //! `e^{−s} = Π_j e^{−b s_j} · e^{−(1−4b) s_k}`, a product of powers kept at the nodes.
 
+use crate::fem::number::{Real, f64x4};
 use crate::fem::quadrature::TETRAHEDRON_CUBIC;
 
 /// φ(1−φ) below which an element or a node has no interface.
@@ -57,15 +58,15 @@ pub fn sigmoid(s: f64) -> f64 {
 
 /// What elements ask of a node.
 #[derive(Clone, Copy, Debug)]
-pub struct Node {
+pub struct Node<R = f64> {
     /// φ.
-    pub phi: f64,
+    pub phi: R,
     /// φ(1−φ).
-    pub q: f64,
+    pub q: R,
     /// ψ/δ, clipped.
-    pub s: f64,
+    pub s: R,
     /// e^{−b s} and e^{−(1−4b) s} of both orbits; NaN if they have not been asked for.
-    powers: [f64; 4],
+    powers: [R; 4],
 }
 
 /// Of no φ yet.
@@ -76,11 +77,11 @@ fn powers_of(s: f64) -> [f64; 4] {
     [-a, 4.0 * a - 1.0, -b, 4.0 * b - 1.0].map(|e| (e * s).exp())
 }
 
-impl Node {
+impl<R: Real> Node<R> {
     /// d(ψ/δ)/dφ; 0 where ψ is clipped.
     #[inline]
-    pub fn ds(&self) -> f64 {
-        if self.s.abs() < CLIP { 1.0 / self.q } else { 0.0 }
+    pub fn ds(&self) -> R {
+        R::of(CLIP).where_larger(self.s.larger(-self.s), R::of(1.0) / self.q, R::default())
     }
 }
 
@@ -128,6 +129,24 @@ impl Profile {
         }
     }
 
+    /// The corners of four elements.
+    #[inline(always)]
+    pub fn corners(&self, tets: &[[u32; 4]; 4]) -> [Node<f64x4>; 4] {
+        let zero = f64x4::default();
+        let mut corners = [Node { phi: zero, q: zero, s: zero, powers: [zero; 4] }; 4];
+        for (i, corner) in corners.iter_mut().enumerate() {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|l| &self.nodes[tets[l][i] as usize]);
+            corner.phi = f64x4::from([a.phi, b.phi, c.phi, d.phi]);
+            corner.q = f64x4::from([a.q, b.q, c.q, d.q]);
+            corner.s = f64x4::from([a.s, b.s, c.s, d.s]);
+            for k in 0..4 {
+                let [a, b, c, d] = [a, b, c, d].map(|n| n.powers[k]);
+                corner.powers[k] = f64x4::from([a, b, c, d]);
+            }
+        }
+        corners
+    }
+
     /// The element's nodes if the interface reaches it.
     #[inline]
     pub fn in_band(&self, tet: &[u32; 4]) -> Option<[&Node; 4]> {
@@ -143,14 +162,12 @@ impl Profile {
 }
 
 /// Integrals over an element of unit volume.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Moments {
+#[derive(Clone, Copy, Debug)]
+pub struct Moments<R = f64> {
     /// ∫ N_i (φ* − φ_h).
-    pub excess: [f64; 4],
+    pub excess: [R; 4],
     /// w ∫ σ(1−σ): `∫ ∇φ* = slope ∇ψ/δ + (1−w) ∇φ_h`.
-    pub slope: f64,
-    /// w.
-    pub w: f64,
+    pub slope: R,
 }
 
 /// w of an element in the band.
@@ -163,71 +180,79 @@ pub fn profile_weight(n: [&Node; 4]) -> f64 {
 }
 
 /// σ at the four points of an orbit.
-#[inline]
-fn sigma(n: [&Node; 4], orbit: usize) -> [f64; 4] {
+#[inline(always)]
+fn sigma<R: Real>(n: [&Node<R>; 4], orbit: usize) -> [R; 4] {
     let p = n.map(|n| n.powers[2 * orbit]);
     let common = p[0] * p[1] * (p[2] * p[3]);
-    n.map(|n| 1.0 / (1.0 + common * n.powers[2 * orbit + 1]))
+    n.map(|n| R::of(1.0) / (R::of(1.0) + common * n.powers[2 * orbit + 1]))
+}
+
+#[inline(always)]
+fn total<R: Real>(v: [R; 4]) -> R {
+    v[0] + v[1] + (v[2] + v[3])
 }
 
 /// Of an element with this w.
-#[inline]
-pub fn moments(n: [&Node; 4], w: f64) -> Moments {
+#[inline(always)]
+pub fn moments<R: Real>(n: [&Node<R>; 4], w: R) -> Moments<R> {
+    let of = R::of;
     // ∫ N_i σ, and ∫ σ(1−σ).
-    let (mut value, mut slope) = ([0.0; 4], 0.0);
+    let (mut value, mut slope) = ([R::default(); 4], R::default());
     for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
         let sigma = sigma(n, o);
-        let sum = sigma[0] + sigma[1] + (sigma[2] + sigma[3]);
+        let sum = of(weight * b) * total(sigma);
         for k in 0..4 {
-            value[k] += weight * (b * sum + (1.0 - 4.0 * b) * sigma[k]);
-            slope += weight * sigma[k] * (1.0 - sigma[k]);
+            value[k] += sum + of(weight * (1.0 - 4.0 * b)) * sigma[k];
+            slope += of(weight) * sigma[k] * (of(1.0) - sigma[k]);
         }
     }
-    let chord = n[0].phi + n[1].phi + (n[2].phi + n[3].phi);
-    let excess = std::array::from_fn(|i| w * (value[i] - (1.0 / 20.0) * (chord + n[i].phi)));
-    Moments { excess, slope: w * slope, w }
+    let chord = total(n.map(|n| n.phi));
+    let excess = [0, 1, 2, 3].map(|i| w * (value[i] - of(1.0 / 20.0) * (chord + n[i].phi)));
+    Moments { excess, slope: w * slope }
 }
 
 /// Derivatives of [`Moments`] by the nodal values.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tangent {
+#[derive(Clone, Copy, Debug)]
+pub struct Tangent<R = f64> {
     /// ∂excess_i/∂φ_j.
-    pub excess: [[f64; 4]; 4],
+    pub excess: [[R; 4]; 4],
     /// The slope itself.
-    pub slope: f64,
+    pub slope: R,
     /// ∂slope/∂φ_j.
-    pub curvature: [f64; 4],
+    pub curvature: [R; 4],
 }
 
 /// At fixed w.
-#[inline]
-pub fn tangent(n: [&Node; 4], w: f64) -> Tangent {
-    let mut t = Tangent::default();
+#[inline(always)]
+pub fn tangent<R: Real>(n: [&Node<R>; 4], w: R) -> Tangent<R> {
+    let of = R::of;
+    let (mut excess, mut curvature) = ([[R::default(); 4]; 4], [R::default(); 4]);
+    let mut slope = R::default();
     for (o, (b, weight)) in TETRAHEDRON_CUBIC.into_iter().enumerate() {
-        let sigma = sigma(n, o);
-        let slope = sigma.map(|sigma| weight * sigma * (1.0 - sigma));
-        let curvature: [f64; 4] = std::array::from_fn(|k| slope[k] * (1.0 - 2.0 * sigma[k]));
-        let sum = slope[0] + slope[1] + (slope[2] + slope[3]);
-        let bent = curvature[0] + curvature[1] + (curvature[2] + curvature[3]);
-        t.slope += w * sum;
         let c = 1.0 - 4.0 * b;
+        let sigma = sigma(n, o);
+        let d = sigma.map(|sigma| of(weight) * sigma * (of(1.0) - sigma));
+        let bent = [0, 1, 2, 3].map(|k| d[k] * (of(1.0) - of(2.0) * sigma[k]));
+        let (sum, sum_bent) = (total(d), of(b) * total(bent));
+        slope += sum;
+        let (all, own) = (of(b * b) * sum, d.map(|d| of(b * c) * d));
         for i in 0..4 {
-            t.curvature[i] += b * bent + c * curvature[i];
+            curvature[i] += sum_bent + of(c) * bent[i];
             for j in 0..4 {
-                t.excess[i][j] += b * b * sum + b * c * (slope[i] + slope[j]);
+                excess[i][j] += all + (own[i] + own[j]);
             }
-            t.excess[i][i] += c * c * slope[i];
+            excess[i][i] += of(c * c) * d[i];
         }
     }
     for j in 0..4 {
         let ds = n[j].ds();
-        t.curvature[j] *= w * ds;
+        curvature[j] = w * ds * curvature[j];
         for i in 0..4 {
-            let chord = if i == j { 0.1 } else { 0.05 };
-            t.excess[i][j] = w * (t.excess[i][j] * ds - chord);
+            let chord = of(if i == j { 0.1 } else { 0.05 });
+            excess[i][j] = w * (excess[i][j] * ds - chord);
         }
     }
-    t
+    Tangent { excess, slope: w * slope, curvature }
 }
 
 #[cfg(test)]
