@@ -25,6 +25,7 @@ from vtkmodules import vtkRenderingOpenGL2  # noqa: F401  (registers the rendere
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import (
     vtkClipPolyData,
     vtkContourFilter,
@@ -51,6 +52,11 @@ WATER, TANK, OBSTACLE, EDGE = (0.22, 0.58, 0.90), (0.93, 0.94, 0.95), (0.68, 0.6
 SURFACE = 0.5  # value of phase at the free surface
 
 
+def stamp(time):
+    """A picture's title."""
+    return "" if time is None else f"t = {time:.3g} s"
+
+
 class Fields:
     """fields.vtkhdf: a grid and its fields at a step."""
 
@@ -61,15 +67,15 @@ class Fields:
         self.reader.SetFileName(str(path))
         self.reader.UpdateInformation()
         self.count = max(self.reader.GetNumberOfSteps(), 1)
+        # Of a single step the reader does not tell.
+        known, key = self.reader.GetOutputInformation(0), vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+        self.times = known.Get(key) if known.Has(key) else [None] * self.count
 
     def at(self, step):
         """The grid with its fields, and the time."""
         self.reader.SetStep(step)
         self.reader.Update()
-        grid = self.reader.GetOutputDataObject(0)
-        if self.reader.GetHasTemporalData():
-            return grid, self.reader.GetTimeValue()
-        return grid, 0.0
+        return self.reader.GetOutputDataObject(0), self.times[step]
 
     def steps(self, number):
         """So many steps, evenly from the first to the last."""
@@ -190,10 +196,10 @@ def water_actors(grid):
 def structure_actors(grid, bodies, time):
     """Bodies where they are at this time; without a file of them, where structures cut the mesh."""
     if bodies is not None:
-        # Written at equal times.
-        _, end = bodies.at(bodies.count - 1)
-        step = round(time / end * (bodies.count - 1)) if end > 0 else 0
-        surface = surface_of(bodies.at(min(step, bodies.count - 1))[0])
+        step = bodies.count - 1
+        if None not in (time, *bodies.times):
+            step = int(np.argmin(np.abs(np.array(bodies.times) - time)))
+        surface = surface_of(bodies.at(step)[0])
     elif grid.GetPointData().HasArray("structure_distance"):
         grid.GetPointData().SetActiveScalars("structure_distance")
         contour = vtkContourFilter()
@@ -309,7 +315,7 @@ def draw_sheet(drawn, path):
         axis.axis("off")
     for axis, (pixels, time) in zip(axes.flat, drawn):
         axis.imshow(pixels)
-        axis.set_title(f"t = {time:.3g} s", fontsize=11)
+        axis.set_title(stamp(time), fontsize=11)
     figure.tight_layout(pad=0.4)
     figure.savefig(path, dpi=150)
     plt.close(figure)
@@ -383,7 +389,7 @@ def draw_slices(fields, tank, steps, path):
                 axis.contour(
                     found["phase"], levels=[SURFACE], extent=extent, colors=line, linewidths=0.8
                 )
-            axis.set_title(f"{name.split(' ')[0]}, t = {time:.3g} s", fontsize=10)
+            axis.set_title(f"{name.split(' ')[0]} {stamp(time)}", fontsize=10)
         column[-1].set_xlabel(f"{'xyz'[across]} [m]")
         figure.colorbar(shown, ax=list(column), label=name, shrink=0.6)
     for axis in axes[:, 0]:

@@ -3,6 +3,7 @@
 //! Time: `u` at tⁿ, `p` at the middle of the last step. The first two steps are implicit Euler.
 
 mod assembly;
+mod elements;
 mod energy;
 
 pub use energy::StepEnergy;
