@@ -129,7 +129,8 @@ impl SchurPreconditioner {
     }
 
     /// What is left of the momentum rows after the backward half sweep, when each row held with the
-    /// columns before it and the ghosts as they were then. Ghosts of `change` are valid.
+    /// columns before it and the ghosts as they were then (damped ones: nearly).
+    /// Ghosts of `change` are valid.
     fn find_left_over(&mut self, a: &SaddleCsr) {
         let n = self.inverse.len();
         self.left_over.resize(n, [0.0; 4]);

@@ -16,16 +16,10 @@ pub trait Number:
 {
 }
 
-impl<T> Number for T where
-    T: Copy
-        + Default
-        + Neg<Output = T>
-        + Add<Output = T>
-        + Sub<Output = T>
-        + Mul<Output = T>
-        + AddAssign
-{
-}
+impl Number for f32 {}
+impl Number for f64 {}
+impl Number for f32x4 {}
+impl Number for f64x4 {}
 
 /// What is left of real numbers in double precision.
 pub trait Real: Number + std::ops::Div<Output = Self> {
