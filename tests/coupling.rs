@@ -266,9 +266,9 @@ fn steps_follow_flow_walls_and_contacts() {
     let history = std::fs::read_to_string(out.join("history.csv")).unwrap();
     let dt = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
     let steps: Vec<f64> = history.lines().skip(1).map(dt).collect();
-    // The led wall crosses a quarter of a cell of 0.05 m a step, at 2 m/s.
+    // The led wall crosses half a cell of 0.05 m a step, at 2 m/s.
     let longest = steps.iter().copied().fold(0.0, f64::max);
-    assert!(longest <= 0.25 * 0.05 / 2.0 * 1.0001, "{longest} s");
+    assert!(longest <= 0.5 * 0.05 / 2.0 * 1.0001, "{longest} s");
     assert!(steps.len() > 7 && steps.len() < 60, "{} steps", steps.len());
     let bodies = run.bodies.as_ref().unwrap();
     let (sub_step, n) = bodies.sub_steps(longest);

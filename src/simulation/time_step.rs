@@ -10,7 +10,7 @@ const FIRST_FALL: f64 = 0.01;
 /// The leapfrog of surface and velocity is stable up to about 1.1 √(h/g) for the shortest waves of the mesh.
 const WAVE_LIMIT: f64 = 0.5;
 /// Cells that a wall crosses in a step at most: nodes beyond it hold for it no longer.
-const WALL_LIMIT: f64 = 0.25;
+const WALL_LIMIT: f64 = 0.5;
 
 /// Bodies without a fluid take this many sub-steps a step.
 const SUB_STEPS: f64 = 100.0;
