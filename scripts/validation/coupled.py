@@ -1,5 +1,5 @@
-"""Water and bodies together: spheres and boxes that sink, rise and float, a cube in a dam break, where energy goes, and
-the paper's building, small."""
+"""Water and bodies together: spheres and boxes that sink, rise and float, a cube in a dam break, where energy goes, the
+paper's block, and its building, small."""
 
 import tomllib
 
@@ -41,6 +41,30 @@ def tsunami_building(work):
     axes.set(xlabel="t [s]", ylabel="faces broken")
     axes.legend()
     plot.savefig(work.folder / "broken_faces.png", dpi=150)
+
+
+@check("block_overturning", "a bore overturns a block, with three angles of friction")
+def block_overturning(work):
+    plot, (along, up) = figure(nrows=2, sharex=True, figsize=(6, 6))
+    ways = {}
+    for angle in (30, 20, 15):
+        changes = {"bodies.friction_angle": angle, "time.end": 2.0, "time.max_step": 4e-3 if work.quick else 1e-3}
+        bodies = work.run(variant("block_overturning", changes), f"{angle}").bodies
+        t, x, z = bodies["t"], bodies["block_1_x"], bodies["block_1_z"]
+        ways[angle] = [np.interp(2.0, t, way - way[0]) for way in (x, z)]
+        # The point stands 0.12 m above the bed, and half the block's length when it lies down.
+        yield near(work, f"way up, {angle}° [m]", ways[angle][1], 0.03 - 0.12, "it lies on its side", absolute=0.01)
+        along.plot(t, x - x[0], label=f"{angle}°")
+        up.plot(t, z - z[0], label=f"{angle}°")
+    for more, less in ((30, 20), (20, 15)):
+        further = ways[less][0] - ways[more][0]
+        yield at_least(work, f"further along with {less}° than with {more}° [m]", further, 0, "Takase et al. 2015, case 3")
+    apart = np.ptp([z for _, z in ways.values()])
+    yield at_most(work, "ways up differ by [m]", apart, 0.01, "Takase et al. 2015, case 3")
+    along.set(ylabel="way in x [m]")
+    along.legend()
+    up.set(xlabel="t [s]", ylabel="way up [m]")
+    plot.savefig(work.folder / "ways.png", dpi=150)
 
 
 def crests(t, z):

@@ -496,6 +496,27 @@ impl Bodies {
         loose
     }
 
+    /// Of each cluster whether glue holds it, through others too, to one that forces do not move; the same on every
+    /// rank. Collective.
+    pub fn held(&self) -> Vec<bool> {
+        let mut held: Vec<bool> = self.world.clusters.iter().map(|c| !c.is_free()).collect();
+        let joints = self.joints.joints.iter().zip(self.holding());
+        let pairs: Vec<[usize; 2]> = joints
+            .filter(|(_, holds)| *holds)
+            .map(|(joint, _)| [joint.a as usize, joint.b as usize])
+            .collect();
+        let mut spreads = true;
+        while spreads {
+            spreads = false;
+            for &[a, b] in &pairs {
+                if held[a] != held[b] {
+                    (held[a], held[b], spreads) = (true, true, true);
+                }
+            }
+        }
+        held
+    }
+
     /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first
     /// waits in its place; time and account then begin anew. Collective.
     pub fn settle(&mut self, duration: f64) {

@@ -23,6 +23,15 @@ pub struct Light {
     pub arm: f64,
     /// Added mass over mass.
     pub ratio: f64,
+    /// Whether glue holds it to what does not move freely.
+    pub held: bool,
+}
+
+impl Light {
+    /// How its wall moves while it moves so.
+    pub fn wall<'a>(&self, placed: &'a Placed) -> &'a Twist {
+        if self.held { &placed.twist } else { &placed.end }
+    }
 }
 
 /// The free bodies in the liquid that are light for it, or all free ones in it if `choice` says so; the same
@@ -44,6 +53,7 @@ pub fn light(
         }
     }
     part.comm.sum_all(&mut wet);
+    let held = bodies.held();
     let density = material.liquid_density();
     let find = |(body, cluster): (usize, &crate::bodies::Cluster)| {
         let size = cluster.form.bounds.max - cluster.form.bounds.min;
@@ -55,16 +65,17 @@ pub fn light(
             body,
             arm: 0.5 * size.max(),
             ratio,
+            held: held[body],
         })
     };
     clusters.iter().enumerate().filter_map(find).collect()
 }
 
 /// Velocities and spins (times the arm) of the light bodies, six numbers each [m/s].
-pub fn velocities<'a>(light: &[Light], twist: impl Fn(usize) -> &'a Twist) -> DVector<f64> {
+pub fn velocities<'a>(light: &[Light], twist: impl Fn(&Light) -> &'a Twist) -> DVector<f64> {
     let mut x = DVector::zeros(6 * light.len());
     for (i, l) in light.iter().enumerate() {
-        let twist = twist(l.body);
+        let twist = twist(l);
         x.fixed_rows_mut::<3>(6 * i).copy_from(&twist.velocity);
         x.fixed_rows_mut::<3>(6 * i + 3).copy_from(&(twist.spin * l.arm));
     }

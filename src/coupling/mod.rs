@@ -10,7 +10,8 @@
 //! what the flow did to them. Where a body is light for the water it carries along this diverges; strong
 //! coupling repeats flow and bodies of the step until the walls move as the bodies do at its end. (As they do in
 //! its mean, walls would be half a step behind: half as fast after the first step from rest, which then feels half
-//! the added mass, and the next ones too much and too little of it in turns.)
+//! the added mass, and the next ones too much and too little of it in turns.) What glue holds to the ground trembles
+//! faster than steps follow, and where a step ends in that is chance: its walls move as it does in the step's mean.
 
 pub mod added_mass;
 pub mod hidden;
@@ -37,7 +38,7 @@ const TOLERANCE: f64 = 1e-3;
 /// The same over what gravity changes in a step: bodies at rest.
 const AT_REST: f64 = 1e-3;
 /// Passes allowed.
-const PASSES: u32 = 30;
+const PASSES: u32 = 50;
 
 /// A step of flow and bodies.
 #[derive(Clone, Debug, Default)]
@@ -135,7 +136,7 @@ pub fn advance(
     flow.tolerance /= lightest;
     for l in &light {
         let placed = &mut structures.placed[l.body];
-        placed.twist = placed.end;
+        placed.twist = *l.wall(placed);
     }
     let outcome = loop {
         if let Err(failure) = pass(flow, structures, bodies, &mut report) {
@@ -143,8 +144,8 @@ pub fn advance(
         }
         let moved = move_on(bodies, &mut report);
         report.passes += 1;
-        let wanted = added_mass::velocities(&light, |body| &moved[body].end);
-        let given = added_mass::velocities(&light, |body| &structures.placed[body].twist);
+        let wanted = added_mass::velocities(&light, |l| l.wall(&moved[l.body]));
+        let given = added_mass::velocities(&light, |l| &structures.placed[l.body].twist);
         let change: DVector<f64> = &wanted - &given;
         let (left, size) = (change.norm(), wanted.norm());
         if left <= TOLERANCE * size + AT_REST * g * dt * (light.len() as f64).sqrt() {

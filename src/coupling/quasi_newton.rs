@@ -11,8 +11,6 @@
 use super::added_mass::Light;
 use nalgebra::{DMatrix, DVector};
 
-/// Passes remembered.
-const MEMORY: usize = 12;
 /// Singular values below this fraction of the largest are noise.
 const NOISE: f64 = 1e-6;
 
@@ -45,9 +43,6 @@ impl QuasiNewton {
             let c = svd.solve(&-&r, least).expect("both bases were asked for");
             &g + dg * c
         };
-        if n == MEMORY {
-            self.passes.remove(0);
-        }
         self.passes.push((r, g));
         next
     }
@@ -66,7 +61,7 @@ mod tests {
             if i == j { 4.0 + i as f64 } else { 0.3 / (1.0 + (i + j) as f64) }
         });
         let a = DVector::from_fn(n, |i, _| (i as f64).sin());
-        let light = [0, 1].map(|body| Light { body, arm: 1.0, ratio: 5.0 });
+        let light = [0, 1].map(|body| Light { body, arm: 1.0, ratio: 5.0, held: false });
         let mut newton = QuasiNewton::new(&light);
         let mut x = DVector::zeros(n);
         let mut passes = 0;
