@@ -82,6 +82,8 @@ pub struct Bodies {
     before: Vec<crate::shape::Pose>,
     /// Length of the last `advance` [s].
     last: f64,
+    /// Whether clusters touched something in it while they were this rank's.
+    touched: Vec<bool>,
     /// Joints with a cluster of this rank and an unbroken point.
     active: Vec<u32>,
     cracked: Vec<u32>,
@@ -151,6 +153,7 @@ impl Bodies {
             limit,
             unchecked: 0,
             last: 0.0,
+            touched: vec![false; n],
             active: Vec::new(),
             cracked: Vec::new(),
         };
@@ -196,6 +199,7 @@ impl Bodies {
         }
         self.before.copy_from_slice(&self.state.pose);
         self.last = dt;
+        self.touched.fill(false);
         for i in 1..=n {
             self.sub_step(h);
             self.t = begin + dt * (i as f64 / n as f64);
@@ -375,8 +379,11 @@ impl Bodies {
             state.torque[c as usize] = Vector3::zeros();
         }
         let owned = ranks.is_owned();
-        joints.add_forces(state, twists, &self.active, h, owned, spent, cracked);
         contact::add_forces(state, near, inertia, twists, world, h, owned, spent);
+        for &c in ranks.owned() {
+            self.touched[c as usize] |= state.force[c as usize] != Vector3::zeros();
+        }
+        joints.add_forces(state, twists, &self.active, h, owned, spent, cracked);
         // Cracked faces feel contact from the next sub-step on.
         for j in cracked.drain(..) {
             let joint = joints.joints[j as usize];
@@ -494,6 +501,13 @@ impl Bodies {
             [joint.a, joint.b].into_iter().for_each(|c| loose[c as usize] = false);
         }
         loose
+    }
+
+    /// Of each cluster whether it touched something in the last `advance`, the same on every rank. Collective.
+    pub fn touched(&self) -> Vec<bool> {
+        let mut touched: Vec<f64> = self.touched.iter().map(|&t| f64::from(u8::from(t))).collect();
+        self.ranks.comm().sum_all(&mut touched);
+        touched.into_iter().map(|t| t > 0.0).collect()
     }
 
     /// Of each cluster whether glue holds it, through others too, to one that forces do not move; the same on every

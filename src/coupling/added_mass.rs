@@ -23,7 +23,7 @@ pub struct Light {
     pub arm: f64,
     /// Added mass over mass.
     pub ratio: f64,
-    /// Whether glue holds it to what does not move freely.
+    /// Whether glue holds it to what does not move freely, or it has touched something in this step.
     pub held: bool,
 }
 

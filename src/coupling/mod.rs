@@ -11,7 +11,8 @@
 //! coupling repeats flow and bodies of the step until the walls move as the bodies do at its end. (As they do in
 //! its mean, walls would be half a step behind: half as fast after the first step from rest, which then feels half
 //! the added mass, and the next ones too much and too little of it in turns.) What glue holds to the ground trembles
-//! faster than steps follow, and where a step ends in that is chance: its walls move as it does in the step's mean.
+//! faster than steps follow, what touches something bounces, and where a step ends in that is chance: their walls move
+//! as they do in the step's mean.
 
 pub mod added_mass;
 pub mod hidden;
@@ -93,7 +94,7 @@ pub fn advance(
         return Ok(report);
     };
     let first = structures.first_body();
-    let light = match case.bodies.as_ref().map(|b| b.coupling) {
+    let mut light = match case.bodies.as_ref().map(|b| b.coupling) {
         Some(case::Coupling::Loose) | None => Vec::new(),
         Some(choice) => added_mass::light(part, cut, material, bodies, first, choice),
     };
@@ -144,6 +145,14 @@ pub fn advance(
         }
         let moved = move_on(bodies, &mut report);
         report.passes += 1;
+        let touched = bodies.touched();
+        let mut touches = false;
+        for l in light.iter_mut().filter(|l| !l.held && touched[l.body]) {
+            (l.held, touches) = (true, true);
+        }
+        if touches {
+            newton = QuasiNewton::new(&light);
+        }
         let wanted = added_mass::velocities(&light, |l| l.wall(&moved[l.body]));
         let given = added_mass::velocities(&light, |l| &structures.placed[l.body].twist);
         let change: DVector<f64> = &wanted - &given;
