@@ -275,3 +275,30 @@ fn steps_follow_flow_walls_and_contacts() {
     assert!(sub_step <= 0.1 * bodies.limit() * 1.0001 && n > 1, "{n} sub-steps of {sub_step} s");
     assert!((sub_step * n as f64 / longest - 1.0).abs() < 1e-12);
 }
+
+/// A post glued onto a foot that stands, kicked in water at rest without viscosity, trembles faster than the steps: what it
+/// was given is all the energy there is, and the water takes it.
+#[test]
+fn a_glued_post_gains_nothing_from_water_at_rest() {
+    let mut run = simulation(
+        "[mesh]\nbox = { x = [0, 1], y = [0, 0.4], z = [0, 0.6], cells = [20, 8, 12] }\n\
+         [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
+         [water]\nviscosity = 0\n\
+         [time]\nend = 1\nstep = 0.01\n\
+         [bodies]\nsphere_radius = 0.02\ncoupling = \"strong\"\n\
+         bond = { strength = 1e5, opening = 1e-3 }\n\
+         [[body]]\nname = \"post\"\nbox = [0.1, 0.2, 0.4]\nat = [0.5, 0.2, 0.2]\n\
+         grid = [1, 1, 2]\ndensity = 2400\nbonded = true\nfixed = \"z < 0.2\"\n\
+         velocity = [0.1, 0, 0]\n",
+    );
+    let energy = |run: &Simulation| {
+        let account = run.bodies.as_ref().unwrap().account();
+        account.kinetic + account.bonds
+    };
+    let given = energy(&run);
+    for step in 1..=20 {
+        run.step(0.01).unwrap();
+        assert!(energy(&run) < given, "step {step}: {} of {given} J", energy(&run));
+    }
+    assert!(energy(&run) < 0.1 * given, "{} of {given} J", energy(&run));
+}
