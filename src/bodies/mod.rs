@@ -5,7 +5,7 @@
 //! - `broad_phase`, `neighbours` who may touch whom · `contact_law` spring, dashpot, slider at a point ·
 //!   `contact` of clusters · `balls` those of one sphere · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
-//! - `leaving` those that have left the mesh.
+//! - `glued` who holds together · `leaving` those that have left the mesh.
 //! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
 //!   all of it as lists, for checkpoints.
 //!
@@ -24,6 +24,7 @@ pub mod cohesion;
 pub mod cohesion_law;
 pub mod contact;
 mod contact_law;
+mod glued;
 pub mod leaving;
 pub mod material;
 pub mod motion;

@@ -144,6 +144,13 @@ impl Ownership {
         &self.comm
     }
 
+    /// Of each flag whether any rank sets it; all ranks give equally many. Collective.
+    pub fn any(&self, flags: impl Iterator<Item = bool>) -> Vec<bool> {
+        let mut count: Vec<f64> = flags.map(|flag| f64::from(u8::from(flag))).collect();
+        self.comm().sum_all(&mut count);
+        count.into_iter().map(|n| n > 0.0).collect()
+    }
+
     /// For each cluster whether it is this rank's.
     pub fn is_owned(&self) -> &[bool] {
         &self.is_owned

@@ -483,52 +483,9 @@ impl Bodies {
         self.ranks.gather(&self.ranks.owned().iter().map(placed).collect::<Vec<_>>())
     }
 
-    /// Of each joint whether a point of it is unbroken, the same on every rank. Collective.
-    pub fn holding(&self) -> Vec<bool> {
-        let owned = self.ranks.is_owned();
-        let joints = self.joints.joints.iter().zip(&self.joints.alive);
-        let mut holding: Vec<f64> =
-            joints.map(|(j, &n)| f64::from(u8::from(owned[j.a as usize] && n > 0))).collect();
-        self.ranks.comm().sum_all(&mut holding);
-        holding.into_iter().map(|h| h > 0.0).collect()
-    }
-
-    /// Of each cluster whether it is free and unglued, the same on every rank. Collective.
-    pub fn loose(&self) -> Vec<bool> {
-        let mut loose: Vec<bool> = self.world.clusters.iter().map(|c| c.is_free()).collect();
-        let joints = self.joints.joints.iter().zip(self.holding());
-        for (joint, _) in joints.filter(|(_, holds)| *holds) {
-            [joint.a, joint.b].into_iter().for_each(|c| loose[c as usize] = false);
-        }
-        loose
-    }
-
     /// Of each cluster whether it touched something in the last `advance`, the same on every rank. Collective.
     pub fn touched(&self) -> Vec<bool> {
-        let mut touched: Vec<f64> = self.touched.iter().map(|&t| f64::from(u8::from(t))).collect();
-        self.ranks.comm().sum_all(&mut touched);
-        touched.into_iter().map(|t| t > 0.0).collect()
-    }
-
-    /// Of each cluster whether glue holds it, through others too, to one that forces do not move; the same on every
-    /// rank. Collective.
-    pub fn held(&self) -> Vec<bool> {
-        let mut held: Vec<bool> = self.world.clusters.iter().map(|c| !c.is_free()).collect();
-        let joints = self.joints.joints.iter().zip(self.holding());
-        let pairs: Vec<[usize; 2]> = joints
-            .filter(|(_, holds)| *holds)
-            .map(|(joint, _)| [joint.a as usize, joint.b as usize])
-            .collect();
-        let mut spreads = true;
-        while spreads {
-            spreads = false;
-            for &[a, b] in &pairs {
-                if held[a] != held[b] {
-                    (held[a], held[b], spreads) = (true, true, true);
-                }
-            }
-        }
-        held
+        self.ranks.any(self.touched.iter().copied())
     }
 
     /// Lets everything that is at rest settle under gravity for `duration` [s], while what moves at first
