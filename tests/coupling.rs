@@ -285,7 +285,7 @@ fn a_glued_post_gains_nothing_from_water_at_rest() {
          [boundaries]\ndefault = \"slip\"\nz_max = \"open\"\n\
          [water]\nviscosity = 0\n\
          [time]\nend = 1\nstep = 0.01\n\
-         [bodies]\nsphere_radius = 0.02\ncoupling = \"strong\"\n\
+         [bodies]\nsphere_radius = 0.02\n\
          bond = { strength = 1e5, opening = 1e-3 }\n\
          [[body]]\nname = \"post\"\nbox = [0.1, 0.2, 0.4]\nat = [0.5, 0.2, 0.2]\n\
          grid = [1, 1, 2]\ndensity = 2400\nbonded = true\nfixed = \"z < 0.2\"\n\

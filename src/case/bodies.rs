@@ -67,7 +67,8 @@ pub enum Unloading {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Coupling {
-    /// Together where a body is light for the water it carries along, else one after the other.
+    /// Together where a body is light for the water it carries along, or glued to the ground, else one after the
+    /// other.
     Auto,
     /// Together for every free body in water.
     Strong,

@@ -34,8 +34,8 @@ impl Light {
     }
 }
 
-/// The free bodies in the liquid that are light for it, or all free ones in it if `choice` says so; the same
-/// on every rank. Collective.
+/// The free bodies in the liquid that are light for it or that glue holds, or all free ones in it if `choice` says so;
+/// the same on every rank. Collective.
 pub fn light(
     part: &MeshPart,
     cut: &CutMesh,
@@ -60,7 +60,7 @@ pub fn light(
         let area = |a: usize, b: usize| size[a] * size[b] * std::f64::consts::FRAC_PI_4;
         let largest = area(0, 1).max(area(1, 2)).max(area(2, 0));
         let ratio = std::f64::consts::PI / 8.0 * density * largest.powf(1.5) / cluster.mass;
-        let chosen = choice == case::Coupling::Strong || ratio > LIGHT;
+        let chosen = choice == case::Coupling::Strong || ratio > LIGHT || held[body];
         (wet[body] > 0.0 && cluster.is_free() && chosen).then_some(Light {
             body,
             arm: 0.5 * size.max(),
