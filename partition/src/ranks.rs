@@ -25,6 +25,7 @@ impl Ranks {
 /// From then on a panic on one of several ranks prints its message with the rank and ends all ranks:
 /// the others would wait for it for ever.
 pub fn start() -> Ranks {
+    return_large_blocks();
     let universe = mpi::initialize().expect("the ranks are started once");
     let world = Communicator::world();
     if world.size() > 1 {
@@ -61,6 +62,21 @@ pub fn leave(comm: &Communicator, code: i32) -> ! {
     comm.sum_u64(0);
     // SAFETY: a function of the C library without preconditions.
     unsafe { _exit(code) }
+}
+
+/// From now on what was freed of large blocks goes back to the system at once. glibc does so until a large one is
+/// freed, and then keeps the like: an eighth of what a run on 100 000 nodes takes.
+fn return_large_blocks() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        const M_MMAP_THRESHOLD: i32 = -3;
+        const LARGE: i32 = 4 << 20; // [bytes]
+        unsafe extern "C" {
+            fn mallopt(parameter: i32, value: i32) -> i32;
+        }
+        // SAFETY: a function of glibc without preconditions.
+        unsafe { mallopt(M_MMAP_THRESHOLD, LARGE) };
+    }
 }
 
 /// Gives freed memory back to the system. Splitting and dealing out a mesh takes several times its

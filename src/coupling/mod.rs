@@ -151,7 +151,7 @@ pub fn advance(
             (l.held, touches) = (true, true);
         }
         if touches {
-            newton = QuasiNewton::new(&light);
+            newton.forget();
         }
         let wanted = added_mass::velocities(&light, |l| l.wall(&moved[l.body]));
         let given = added_mass::velocities(&light, |l| &structures.placed[l.body].twist);
