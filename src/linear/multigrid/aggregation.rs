@@ -13,89 +13,65 @@ const SIZE: usize = 9;
 /// Aggregates smaller than this are dissolved into their neighbours.
 const SMALL: usize = 4;
 
-/// A node while groups grow.
-#[derive(Clone, Copy)]
-struct Node {
-    /// 1/√a_ii
-    scale: f32,
-    /// Its group, or `NONE`.
-    group: u32,
-    /// Its place among the candidates, or `NONE`.
-    place: u32,
-}
-
-/// Free nodes that are tied to the group that grows.
-struct Candidates {
-    nodes: Vec<u32>,
-    /// Sums of their ties to it: positive.
-    ties: Vec<f32>,
-}
-
-impl Candidates {
-    /// Where the one most strongly tied is; the first of equals.
-    fn best(&self) -> Option<usize> {
-        // Positive numbers are in the order of their bits, and of integers the largest is found eight at a time.
-        let largest = self.ties.iter().fold(0, |largest, tie| tie.to_bits().max(largest));
-        self.ties.iter().position(|tie| tie.to_bits() == largest)
-    }
-}
-
 /// The aggregate of each row, or `NONE`, and the number of aggregates.
 pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
     let n = a.n_rows();
-    let free = |i| {
-        let d = a.diagonal(i)[0][0];
-        let scale = if d > 0.0 { (1.0 / d.sqrt()) as f32 } else { 0.0 };
-        Node { scale, group: NONE, place: NONE }
-    };
-    let mut nodes: Vec<Node> = (0..n).map(free).collect();
+    // 1/√a_ii
+    let scale: Vec<f64> = (0..n)
+        .map(|i| {
+            let d = a.diagonal(i)[0][0];
+            if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
+        })
+        .collect();
+    let mut group = vec![NONE; n];
     let mut size: Vec<u32> = Vec::new();
-    let mut candidates =
-        Candidates { nodes: Vec::with_capacity(256), ties: Vec::with_capacity(256) };
+    let mut candidates: Vec<(u32, f64)> = Vec::with_capacity(256);
+    // Where each node is among them.
+    let mut place = vec![NONE; n];
     for seed in 0..n {
-        if nodes[seed].group != NONE {
+        if group[seed] != NONE {
             continue;
         }
         let mine = size.len() as u32;
         let mut members = 0;
         let mut next = Some(seed);
-        candidates.nodes.drain(..).for_each(|j| nodes[j as usize].place = NONE);
-        candidates.ties.clear();
+        candidates.drain(..).for_each(|(j, _)| place[j as usize] = NONE);
         while let Some(i) = next {
-            nodes[i].group = mine;
+            group[i] = mine;
             members += 1;
             if members == SIZE {
                 break;
             }
-            let scale = nodes[i].scale;
             for (j, v) in a.entries(i) {
-                if j >= n || nodes[j].group != NONE {
+                if j >= n || group[j] != NONE {
                     continue;
                 }
-                let node = &mut nodes[j];
-                let tie = -v[0][0] as f32 * scale * node.scale;
-                if tie > theta as f32 {
-                    if node.place == NONE {
-                        node.place = candidates.nodes.len() as u32;
-                        candidates.nodes.push(j as u32);
-                        candidates.ties.push(tie);
+                let tie = -v[0][0] * scale[i] * scale[j];
+                if tie > theta {
+                    if place[j] == NONE {
+                        place[j] = candidates.len() as u32;
+                        candidates.push((j as u32, tie));
                     } else {
-                        candidates.ties[node.place as usize] += tie;
+                        candidates[place[j] as usize].1 += tie;
                     }
                 }
             }
-            next = candidates.best().map(|at| {
-                let chosen = candidates.nodes.swap_remove(at) as usize;
-                candidates.ties.swap_remove(at);
-                if let Some(&moved) = candidates.nodes.get(at) {
-                    nodes[moved as usize].place = at as u32;
+            let mut best = None;
+            for (at, c) in candidates.iter().enumerate() {
+                if best.is_none_or(|b: usize| c.1 > candidates[b].1) {
+                    best = Some(at);
                 }
-                chosen
+            }
+            next = best.map(|at| {
+                let (chosen, _) = candidates.swap_remove(at);
+                if let Some((moved, _)) = candidates.get(at) {
+                    place[*moved as usize] = at as u32;
+                }
+                chosen as usize
             });
         }
         size.push(members as u32);
     }
-    let mut group: Vec<u32> = nodes.iter().map(|node| node.group).collect();
     join_small(a, &mut group, &mut size);
     number(a, &mut group, &size)
 }

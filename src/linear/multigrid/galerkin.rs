@@ -38,9 +38,7 @@ pub fn coarse_matrix(
     let mut columns = Vec::with_capacity(n_rows * 16);
     let mut values = Vec::with_capacity(n_rows * 16);
     row_start.push(0);
-    // Columns of a row with the places of their sums, `2³² J + place`, as they turn up.
-    let mut row: Vec<u64> = Vec::with_capacity(256);
-    let mut sums: Vec<f64> = Vec::with_capacity(256);
+    let mut row: Vec<(u32, f64)> = Vec::with_capacity(256);
     let mut place = vec![NONE; n_columns];
     for I in 0..n_rows {
         for &i in &members[start[I] as usize..start[I + 1] as usize] {
@@ -51,24 +49,21 @@ pub fn coarse_matrix(
                 }
                 let at = &mut place[J as usize];
                 if *at == NONE {
-                    *at = sums.len() as u32;
-                    row.push(u64::from(J) << 32 | u64::from(*at));
-                    sums.push(v[0][0]);
+                    *at = row.len() as u32;
+                    row.push((J, v[0][0]));
                 } else {
-                    sums[*at as usize] += v[0][0];
+                    row[*at as usize].1 += v[0][0];
                 }
             }
         }
-        row.sort_unstable();
-        for &entry in &row {
-            let J = (entry >> 32) as u32;
+        for &(J, _) in &row {
             place[J as usize] = NONE;
-            columns.push(J);
-            values.push([[sums[entry as u32 as usize]]]);
         }
+        row.sort_unstable_by_key(|entry| entry.0);
+        columns.extend(row.iter().map(|entry| entry.0));
+        values.extend(row.iter().map(|entry| [[entry.1]]));
         row_start.push(columns.len() as u32);
         row.clear();
-        sums.clear();
     }
     BlockCsr { pattern: Arc::new(Pattern::new(row_start, columns)), values }
 }
