@@ -8,13 +8,18 @@
 //! where Δr_i, Δx_i are differences of earlier passes to the last one. What they leave of r is relaxed as the stiffest
 //! direction of the body seen so far wants it, `1/ω = max |Δr| / |Δx|`, at least as the estimated added mass does,
 //! `1 + m_a/m`. (Taken whole, ω = 1, it grows by the true m_a/m a pass until it is among the Δx_i: of a plate near the
-//! ground, in whose way the water goes out, by ten.)
+//! ground, in whose way the water goes out, by ten.) Of a body that moves much less than others Δr is what *they* do to
+//! it and says nothing of its own stiffness: |Δx| counts as at least a tenth of the largest body's.
 
 use super::added_mass::Light;
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values below this fraction of the largest are noise.
 const NOISE: f64 = 1e-6;
+
+/// A body's change counts as at least this fraction of the largest body's when its stiffness is seen: what is stiffer than
+/// it seems can grow to that fraction and is seen then.
+const LEAST_CHANGE: f64 = 0.1;
 
 /// The passes of one step.
 #[derive(Clone, Debug)]
@@ -46,13 +51,16 @@ impl QuasiNewton {
     pub fn next(&mut self, x: DVector<f64>, g: DVector<f64>) -> DVector<f64> {
         let r = g - &x;
         if let Some((x_last, r_last)) = self.passes.last() {
-            for (body, stiffness) in self.stiffness.iter_mut().enumerate() {
-                let change = |now: &DVector<f64>, last: &DVector<f64>| {
-                    (now.fixed_rows::<6>(6 * body) - last.fixed_rows::<6>(6 * body)).norm()
-                };
-                let seen = change(&r, r_last) / change(&x, x_last);
-                // Also if it has not moved.
-                *stiffness = stiffness.max(if seen.is_finite() { seen } else { 0.0 });
+            let change = |now: &DVector<f64>, last: &DVector<f64>, body: usize| {
+                (now.fixed_rows::<6>(6 * body) - last.fixed_rows::<6>(6 * body)).norm()
+            };
+            let bodies = self.stiffness.len();
+            let largest = (0..bodies).map(|body| change(&x, x_last, body)).fold(0.0, f64::max);
+            if largest > 0.0 {
+                for (body, stiffness) in self.stiffness.iter_mut().enumerate() {
+                    let dx = change(&x, x_last, body).max(LEAST_CHANGE * largest);
+                    *stiffness = stiffness.max(change(&r, r_last, body) / dx);
+                }
             }
         }
         let (mut next, mut left) = (x.clone(), r.clone());
@@ -124,5 +132,25 @@ mod tests {
         }
         assert!(left[2..].iter().all(|&l| l <= left[0]), "{left:?}");
         assert!(left[11] < 1e-9 * left[0], "{left:?}");
+    }
+
+    /// The second body hangs, balanced, in the water that the first one moves: that its r changes while it does not move
+    /// must not hold it fast.
+    #[allow(non_snake_case)]
+    #[test]
+    fn a_body_at_rest_is_not_held_by_what_its_neighbour_does() {
+        let mut M = DMatrix::from_diagonal_element(12, 12, 0.5);
+        M.view_mut((6, 0), (6, 6)).fill_with_identity();
+        let a = DVector::from_fn(12, |i, _| if i < 6 { 1.0 + i as f64 } else { 0.0 });
+        let light = [0, 1].map(|body| Light { body, arm: 1.0, ratio: 0.5, held: false });
+        let mut newton = QuasiNewton::new(&light);
+        let mut x = DVector::zeros(12);
+        let mut left = Vec::new();
+        for _ in 0..12 {
+            let g = &a - &M * &x;
+            left.push((&g - &x).norm());
+            x = newton.next(x, g);
+        }
+        assert!(left[11] < 1e-6 * left[0], "{left:?}");
     }
 }
