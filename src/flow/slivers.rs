@@ -1,7 +1,10 @@
-//! The ghost penalty on velocity: `Σ_F γ_g ∫_F (μh + ρ|a|h² + ρh³/Δt) [∂ₙu]·[∂ₙw]` at n+1, on faces of cut
-//! elements (`cut::ghost`).
+//! The ghost penalty on velocity, on faces of cut elements (`cut::ghost`):
+//! `Σ_F γ_g ∫_F {(μh + ρ|a|h²) [∂ₙuⁿ⁺¹] + ρh³/Δt [∂ₙ(uⁿ⁺¹ − uⁿ)]}·[∂ₙw]`.
 //!
-//! It couples the nodes opposite the face, which no element does. Those two entries a face are kept beside the
+//! What is over Δt extends the mass matrix to the nodes of slivers, and acts as that does, on the change of u. On
+//! uⁿ⁺¹ it would take the same share of the jumps in every step, however short.
+//!
+//! The penalty couples the nodes opposite the face, which no element does. Those two entries a face are kept beside the
 //! matrix: the operator has them, the preconditioner goes without.
 
 use super::material::Material;
@@ -13,14 +16,15 @@ use crate::linear::{Operator, Value};
 /// γ_g: with 0.01 to 0.1 iterations do not depend on how little fluid a cut element has; 1 is as bad as none.
 const GAMMA: f64 = 0.05;
 
-/// Coefficient of `g_i g_j` in the velocity rows.
-pub fn coefficient(face: &GhostFace, material: &Material, a: &[[f64; 3]], dt: f64) -> f64 {
+/// Coefficients of `g_i g_j` in the velocity rows: of uⁿ⁺¹, and of uⁿ⁺¹ − uⁿ.
+pub fn coefficients(face: &GhostFace, material: &Material, a: &[[f64; 3]], dt: f64) -> [f64; 2] {
     let [i, j, k, ..] = face.nodes.map(|n| n as usize);
     let mean = |f: &dyn Fn(usize) -> f64| (f(i) + f(j) + f(k)) / 3.0;
     let (rho, mu) = (mean(&|n| material.density(n)), mean(&|n| material.viscosity(n)));
     let speed = mean(&|n| norm(a[n]));
     let h = face.h;
-    GAMMA * face.area * h * (mu + rho * h * (speed + h / dt))
+    let scale = GAMMA * face.area * h;
+    [scale * (mu + rho * h * speed), scale * rho * h * h / dt]
 }
 
 /// A matrix entry, the same for each velocity component.

@@ -239,16 +239,17 @@ impl Flow {
     ) {
         self.across.clear();
         for face in &cut.ghost_faces {
-            let c = slivers::coefficient(face, material, &self.a, dt);
+            let [c, inertia] = slivers::coefficients(face, material, &self.a, dt);
             for (i, &row) in face.nodes.iter().enumerate() {
                 if row as usize >= part.n_owned() {
                     continue;
                 }
                 for (j, &column) in face.nodes.iter().enumerate() {
-                    let value = c * face.jump[i] * face.jump[j];
-                    let x = self.x[column as usize];
+                    let both = face.jump[i] * face.jump[j];
+                    let value = (c + inertia) * both;
+                    let (x, u) = (self.x[column as usize], self.u[column as usize]);
                     for k in 0..3 {
-                        self.left[row as usize][k] -= value * x[k];
+                        self.left[row as usize][k] -= value * x[k] - inertia * both * u[k];
                     }
                     if i.min(j) == 3 && i != j {
                         self.across.push(Entry { row, column, value });

@@ -6,6 +6,7 @@
 //! belongs to the pressure's stabilisation, `∫(∇p − F)·u'`.
 
 use super::*;
+use crate::cut::ghost::GhostFace;
 use crate::fem::dot;
 use crate::fem::region::Region;
 use crate::flow::mass_balance::Gain;
@@ -106,11 +107,10 @@ impl Flow {
             sum.convection += dt * dot(mean(gain.node), self.gain_row(gain, theta));
         }
         for face in &cut.ghost_faces {
-            let c = slivers::coefficient(face, material, &self.a, dt);
-            let jump = self.jump(face);
+            let force = self.ghost_force(face, material, dt);
             for (i, &n) in face.nodes.iter().enumerate() {
                 if (n as usize) < part.n_owned() {
-                    sum.ghost += dt * c * face.jump[i] * dot(mean(n), jump);
+                    sum.ghost += dt * face.jump[i] * dot(mean(n), force);
                 }
             }
         }
@@ -144,11 +144,14 @@ impl Flow {
         })
     }
 
-    /// [∂ₙu] at n+1.
-    fn jump(&self, face: &crate::cut::ghost::GhostFace) -> [f64; 3] {
+    /// What a face's ghost penalty puts into the momentum rows, over [∂ₙN_i] there [N m].
+    fn ghost_force(&self, face: &GhostFace, material: &Material, dt: f64) -> [f64; 3] {
+        let [c, inertia] = slivers::coefficients(face, material, &self.a, dt);
         std::array::from_fn(|k| {
-            let terms = face.nodes.iter().zip(face.jump);
-            terms.map(|(&n, jump)| jump * self.u[n as usize][k]).sum()
+            let jump = |u: &[[f64; 3]]| -> f64 {
+                face.nodes.iter().zip(face.jump).map(|(&n, jump)| jump * u[n as usize][k]).sum()
+            };
+            (c + inertia) * jump(&self.u) - inertia * jump(&self.u_old)
         })
     }
 
@@ -270,11 +273,10 @@ impl Flow {
             }
         }
         for face in cut.ghost_faces.iter().filter(|f| any(&f.nodes)) {
-            let c = slivers::coefficient(face, material, &self.a, dt);
-            let jump = self.jump(face);
+            let force = self.ghost_force(face, material, dt);
             for (i, &n) in face.nodes.iter().enumerate() {
                 if (n as usize) < part.n_owned() {
-                    sum.boundaries -= dt * c * face.jump[i] * dot(given[n as usize], jump);
+                    sum.boundaries -= dt * face.jump[i] * dot(given[n as usize], force);
                 }
             }
         }
