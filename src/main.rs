@@ -87,7 +87,8 @@ fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
     };
     let mut simulation = Simulation::new(case, comm).map_err(bad_input)?;
     if arguments.check {
-        let plan = plan::of(&simulation.case, &simulation.part);
+        let surface = simulation.phase.as_ref().map(|phase| [phase.delta(), phase.cell()]);
+        let plan = plan::of(&simulation.case, &simulation.part, surface);
         let thin = simulation.thin_structures();
         if comm.rank() == 0 {
             say(plan);

@@ -231,7 +231,7 @@ pub enum VolumeCorrection {
 /// Phase field settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeSurface {
-    /// δ [m]; `None`: `thickness_cells` times the typical cell size.
+    /// δ [m]; `None`: `thickness_cells` times the mean size of cells at the initial surface.
     pub thickness: Option<f64>,
     /// δ/h.
     pub thickness_cells: f64,

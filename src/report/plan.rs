@@ -17,6 +17,8 @@ pub struct Plan {
     pub tets_per_rank: [u64; 2],
     /// Smallest and largest element size h_e [m].
     pub size: [f64; 2],
+    /// Thickness δ of the free surface and the size of cells there [m], if there is one.
+    pub surface: Option<[f64; 2]>,
     /// Fastest fluid to be expected [m/s]: given, initial, flowing in, or falling through the height
     /// of the mesh, √(2gH).
     pub speed: f64,
@@ -30,8 +32,8 @@ pub struct Plan {
     pub memory: f64,
 }
 
-/// Measures the mesh against the case. Collective.
-pub fn of(case: &Case, part: &MeshPart) -> Plan {
+/// Measures the mesh and the free `surface` on it (as in the plan) against the case. Collective.
+pub fn of(case: &Case, part: &MeshPart, surface: Option<[f64; 2]>) -> Plan {
     let mesh = &part.mesh;
     let owned = part.n_owned_elements as f64;
     let gravity = norm(case.gravity);
@@ -71,6 +73,7 @@ pub fn of(case: &Case, part: &MeshPart) -> Plan {
         tets: part.comm.sum_u64(part.n_owned_elements as u64),
         tets_per_rank: [part.comm.min(owned) as u64, part.max(owned) as u64],
         size: [part.comm.min(smallest), part.max(largest)],
+        surface,
         speed,
         step,
         courant: step * rate,
@@ -88,6 +91,15 @@ impl fmt::Display for Plan {
         writeln!(f, "mesh:    {} nodes, {} tetrahedra", self.nodes, self.tets)?;
         writeln!(f, "         {fewest} to {most} tetrahedra a rank")?;
         writeln!(f, "         element size {:.4} to {:.4} m", self.size[0], self.size[1])?;
+        if let Some([delta, cell]) = self.surface {
+            // φ = 1/(1 + e^(−distance/δ))
+            let band = 2.0 * 9f64.ln() * delta;
+            writeln!(
+                f,
+                "surface: from 10 to 90 % of water in {band:.2e} m (thickness {delta:.2e} m)"
+            )?;
+            writeln!(f, "         on cells of {cell:.2e} m, their mean at the initial surface")?;
+        }
         let (steps, step, courant) = (self.steps, self.step, self.courant);
         writeln!(f, "steps:   about {steps} of {step:.3e} s, Courant number {courant:.2}")?;
         writeln!(f, "         with the fastest fluid to be expected, {:.2} m/s", self.speed)?;
@@ -115,7 +127,7 @@ mod tests {
         let case = Case::new(&sources).unwrap();
         let lines = [0.0, 0.5, 1.0, 1.5, 2.0];
         let part = MeshPart::single(tensor_box([&lines[..3], &lines[..3], &lines]));
-        let plan = of(&case, &part);
+        let plan = of(&case, &part, Some([0.1, 0.2]));
         assert_eq!((plan.nodes, plan.tets, plan.tets_per_rank), (45, 96, [96, 96]));
         let h = (2f64.sqrt() * 0.125).cbrt();
         assert!(plan.size.iter().all(|size| (size / h - 1.0).abs() < 1e-14));
@@ -124,5 +136,6 @@ mod tests {
         let rate = plan.speed * 2f64.sqrt() / 0.5;
         assert!((plan.step * rate - 1.0).abs() < 1e-12 && (plan.courant - 1.0).abs() < 1e-12);
         assert!(plan.memory > 0.0);
+        assert!(plan.to_string().contains("surface: from 10 to 90 % of water in 4.39e-1 m"));
     }
 }
