@@ -87,3 +87,8 @@ def between(work, quantity, measured, low, high, source):
     """low ≤ measured ≤ high, where references scatter."""
     shown = f"{low:.4g} … {high:.4g}"
     return Line(work.name, quantity, shown, show(measured), "inside", source, bool(low <= measured <= high))
+
+
+def reported(work, quantity, measured, reference, source):
+    """What is shown beside the reference and cannot fail."""
+    return Line(work.name, quantity, show(reference), show(measured), "reported", source, True)

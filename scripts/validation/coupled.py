@@ -5,7 +5,7 @@ import tomllib
 
 import numpy as np
 
-from checks import Line, at_least, at_most, between, check, near, show
+from checks import at_least, at_most, between, check, near, reported
 from potential import fastest_rise
 from program import ROOT, columns, figure, reference, variant
 
@@ -149,7 +149,7 @@ def rising_box(work):
         "second crest [m]": ("0.0493", ours[2][1]),
     }
     for name, (expected, value) in told.items():
-        yield Line(work.name, name, expected, show(value), "reported", QIU, True)
+        yield reported(work, name, value, expected, QIU)
     plot, axes = figure(figsize=(6, 4))
     axes.plot(seen_t, 1000 * seen_z, "k.", label="experiment")
     axes.plot(t + shift, 1000 * z, label="computed")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from checks import Line, at_most, check, near, show
+from checks import at_most, check, near, reported, show
 from norms import volumes
 from program import Variant, figure, variant
 
@@ -52,7 +52,7 @@ def leak(work):
             measured = show(lost(0.4731, f"penalty_{penalty:g}", flow={"wall_penalty": penalty}))
         except RuntimeError:
             measured = "no convergence"
-        yield Line(work.name, f"the same, penalty of {penalty:g} Pa s/m", "0", measured, "reported", EXACT, True)
+        yield reported(work, f"the same, penalty of {penalty:g} Pa s/m", measured, "0", EXACT)
 
 
 @check("plunger", "a plunger lowered into water and raised five times")
@@ -129,7 +129,7 @@ def crossing(work):
         "force along, noise (rms) over its own small amplitude": rests["x"].std() / half_range(trends["x"]),
     }
     for name, value in told.items():
-        yield Line(work.name, name, "0", show(value), "reported", EXACT, True)
+        yield reported(work, name, value, "0", EXACT)
     plot, axes = figure(nrows=2, figsize=(6, 6), sharex=True)
     for axis, ax in zip("xz", axes):
         ax.plot(t, forces[axis], ".-", label="reaction")
