@@ -129,6 +129,7 @@ def rising_box(work):
     shift = np.interp(0.02, seen_z[:20], seen_t[:20]) - np.interp(0.02, z[: z.argmax()], t[: z.argmax()])
     ours, theirs = crests(t, z), [(0.376, 0.0512), (0.558, 0.0352), (0.733, 0.0493), (0.931, 0.0373)]
     yield near(work, "first crest [m]", ours[0][1], theirs[0][1], QIU, relative=0.1)
+    yield near(work, "its time, curves shifted to pass 20 mm together [s]", ours[0][0] + shift, 0.376, QIU, relative=0.1)
     periods = [b[0] - a[0] for a, b in zip(ours, ours[2:])]
     yield near(work, "period [s]", np.mean(periods[:2]), 0.36, QIU, relative=0.1)
     # The tank is 0.15 × 0.14 m².
@@ -136,7 +137,7 @@ def rising_box(work):
     level = 0.052 - 0.049 * 0.048 * (0.024 - draft) / (0.15 * 0.14)
     middle = np.mean([(a[1] + 2 * b[1] + c[1]) / 4 for a, b, c in zip(ours, ours[1:], ours[2:])])
     yield near(work, "middle of the motion [m]", middle, level - draft + 0.012, "Archimedes", absolute=0.001)
-    # No level box rises from rest faster than potential flow lets it, the experiment's did: its time is no reference.
+    # No level box rises from rest faster than potential flow lets it; the experiment's did.
     height, speed = fastest_rise((0.15, 0.14), (0.049, 0.048, 0.024), 0.80052, 0.052, z[0])
     way = np.linspace(0.02, 0.035, 151)
     least = np.trapezoid(1 / np.interp(way, height, speed), way)
@@ -144,7 +145,6 @@ def rising_box(work):
     yield at_least(work, "time from 20 to 35 mm [s]", rise(t[: z.argmax()], z[: z.argmax()]), least, "potential flow")
     told = {
         "the same, experiment [s]": (f"≥ {least:.3g}", rise(seen_t[:30], seen_z[:30])),
-        "time of the first crest, curves shifted to pass 20 mm together [s]": ("0.376", ours[0][0] + shift),
         "first trough [m]": ("0.0352", ours[1][1]),
         "second crest [m]": ("0.0493", ours[2][1]),
     }
