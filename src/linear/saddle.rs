@@ -5,7 +5,7 @@
 
 #![allow(non_snake_case)]
 
-use super::block_csr::{BlockCsr, Rows, Value};
+use super::block_csr::{BlockCsr, Rows, Value, fetch};
 use super::pattern::Pattern;
 use std::cmp::Ordering;
 use std::hint::black_box;
@@ -232,19 +232,6 @@ enum Place {
     Left(usize),
     Own,
     Right(usize),
-}
-
-/// Begins to read what will be written to: assembly jumps about, and would wait for each block.
-#[inline]
-fn fetch<T>(at: &T) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint, of an address that can be read.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = at;
 }
 
 /// sum += row · x, lane by lane.

@@ -25,9 +25,7 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
         .collect();
     let mut group = vec![NONE; n];
     let mut size: Vec<u32> = Vec::new();
-    let mut candidates: Vec<(u32, f64)> = Vec::with_capacity(256);
-    // Where each node is among them.
-    let mut place = vec![NONE; n];
+    let mut front = Front::new(n);
     for seed in 0..n {
         if group[seed] != NONE {
             continue;
@@ -35,45 +33,86 @@ pub fn aggregate(a: &BlockCsr<1>, theta: f64) -> (Vec<u32>, usize) {
         let mine = size.len() as u32;
         let mut members = 0;
         let mut next = Some(seed);
-        candidates.drain(..).for_each(|(j, _)| place[j as usize] = NONE);
+        front.clear();
         while let Some(i) = next {
             group[i] = mine;
             members += 1;
             if members == SIZE {
                 break;
             }
+            let known = front.count;
+            front.extend(a.row(i).len());
             for (j, v) in a.entries(i) {
-                if j >= n || group[j] != NONE {
-                    continue;
-                }
+                let Some(&of) = group.get(j) else { continue };
                 let tie = -v[0][0] * scale[i] * scale[j];
-                if tie > theta {
-                    if place[j] == NONE {
-                        place[j] = candidates.len() as u32;
-                        candidates.push((j as u32, tie));
-                    } else {
-                        candidates[place[j] as usize].1 += tie;
-                    }
-                }
+                front.tie(j, tie, (of == NONE) & (tie > theta));
             }
-            let mut best = None;
-            for (at, c) in candidates.iter().enumerate() {
-                if best.is_none_or(|b: usize| c.1 > candidates[b].1) {
-                    best = Some(at);
-                }
-            }
-            next = best.map(|at| {
-                let (chosen, _) = candidates.swap_remove(at);
-                if let Some((moved, _)) = candidates.get(at) {
-                    place[*moved as usize] = at as u32;
-                }
-                chosen as usize
-            });
+            front.nodes[known..front.count].iter().for_each(|&(j, _)| a.fetch_row(j as usize));
+            next = front.take_strongest();
         }
         size.push(members as u32);
     }
     join_small(a, &mut group, &mut size);
     number(a, &mut group, &size)
+}
+
+/// Free nodes tied to a growing group, and how strongly.
+struct Front {
+    /// Of these the first `count`.
+    nodes: Vec<(u32, f64)>,
+    count: usize,
+    /// Where each node is among them, or `NONE`.
+    place: Vec<u32>,
+}
+
+impl Front {
+    fn new(n: usize) -> Self {
+        Self { nodes: Vec::with_capacity(256), count: 0, place: vec![NONE; n] }
+    }
+
+    fn clear(&mut self) {
+        for &(j, _) in &self.nodes[..self.count] {
+            self.place[j as usize] = NONE;
+        }
+        self.count = 0;
+    }
+
+    /// Makes room for so many more.
+    fn extend(&mut self, more: usize) {
+        if self.nodes.len() < self.count + more {
+            self.nodes.resize(self.count + more, (0, 0.0));
+        }
+    }
+
+    /// Adds a tie to node j where it `counts`. Whether it does, and whether j is known, is as good as chance: without
+    /// branches this is twice as fast.
+    #[inline]
+    fn tie(&mut self, j: usize, tie: f64, counts: bool) {
+        let place = self.place[j];
+        let new = place == NONE;
+        // What does not count goes behind the last one.
+        let at = if new | !counts { self.count } else { place as usize };
+        let entry = &mut self.nodes[at];
+        *entry = (j as u32, if new { tie } else { entry.1 + tie });
+        self.place[j] = if counts { at as u32 } else { place };
+        self.count += usize::from(new & counts);
+    }
+
+    /// The first of the most strongly tied ones leaves.
+    fn take_strongest(&mut self) -> Option<usize> {
+        let (mut best, mut strongest) = (0, f64::NEG_INFINITY);
+        for (at, &(_, tie)) in self.nodes[..self.count].iter().enumerate() {
+            if tie > strongest {
+                (best, strongest) = (at, tie);
+            }
+        }
+        let last = self.count.checked_sub(1)?;
+        let (chosen, _) = self.nodes[best];
+        self.nodes[best] = self.nodes[last];
+        self.place[self.nodes[best].0 as usize] = best as u32;
+        self.count = last;
+        Some(chosen as usize)
+    }
 }
 
 /// Members of small groups go, one by one, to the group they are most strongly tied to.

@@ -5,6 +5,9 @@ use crate::linear::distributed::NONE;
 use crate::linear::pattern::Pattern;
 use std::sync::Arc;
 
+/// Rows are read from memory so many rows before they are summed.
+const AHEAD: usize = 6;
+
 /// Rows of this rank's `n_rows` aggregates. Row I is column `first + I`; columns are the values of
 /// `coarse_of`, below `n_columns`.
 pub fn coarse_matrix(
@@ -38,32 +41,39 @@ pub fn coarse_matrix(
     let mut columns = Vec::with_capacity(n_rows * 16);
     let mut values = Vec::with_capacity(n_rows * 16);
     row_start.push(0);
-    let mut row: Vec<(u32, f64)> = Vec::with_capacity(256);
+    // Entries of a row in the order in which they are met: sums; columns, and where their sums are, to be sorted.
+    let mut sums: Vec<f64> = Vec::with_capacity(256);
+    let mut met: Vec<u64> = Vec::with_capacity(256);
     let mut place = vec![NONE; n_columns];
     for I in 0..n_rows {
-        for &i in &members[start[I] as usize..start[I + 1] as usize] {
-            for (j, v) in a.entries(i as usize) {
+        for m in start[I] as usize..start[I + 1] as usize {
+            if let Some(&soon) = members.get(m + AHEAD) {
+                a.fetch_row(soon as usize);
+            }
+            for (j, v) in a.entries(members[m] as usize) {
                 let J = coarse_of[j];
                 if J == NONE {
                     continue;
                 }
                 let at = &mut place[J as usize];
                 if *at == NONE {
-                    *at = row.len() as u32;
-                    row.push((J, v[0][0]));
+                    *at = sums.len() as u32;
+                    met.push(u64::from(J) << 32 | u64::from(*at));
+                    sums.push(v[0][0]);
                 } else {
-                    row[*at as usize].1 += v[0][0];
+                    sums[*at as usize] += v[0][0];
                 }
             }
         }
-        for &(J, _) in &row {
+        met.sort_unstable();
+        for entry in met.drain(..) {
+            let (J, at) = ((entry >> 32) as u32, entry as u32);
             place[J as usize] = NONE;
+            columns.push(J);
+            values.push([[sums[at as usize]]]);
         }
-        row.sort_unstable_by_key(|entry| entry.0);
-        columns.extend(row.iter().map(|entry| entry.0));
-        values.extend(row.iter().map(|entry| [[entry.1]]));
+        sums.clear();
         row_start.push(columns.len() as u32);
-        row.clear();
     }
     BlockCsr { pattern: Arc::new(Pattern::new(row_start, columns)), values }
 }
