@@ -490,7 +490,11 @@ const BAD_ARGUMENTS: &[(&[&str], i32, &str)] = &[
         "error: invalid value 'few' for '--steps <N>': invalid digit found in string\n\n\
          For more information, try '--help'.",
     ),
-    (&["case.toml", "--restart", "nowhere"], 1, "error: nowhere: there is no checkpoint here"),
+    (
+        &["case.toml", "--restart", "nowhere"],
+        1,
+        "error: nowhere: there is no checkpoint here (output.checkpoint_every writes them)",
+    ),
     (&["case.toml", "--out", "in.csv"], 1, "error: in.csv: File exists (os error 17)"),
 ];
 

@@ -5,6 +5,7 @@ mod common;
 
 use common::advance;
 use fcm_fsi::bodies::cohesion_law::BROKEN;
+use fcm_fsi::bodies::neighbours::Partner;
 use fcm_fsi::bodies::{Bodies, Break};
 use partition::Communicator;
 use std::path::Path;
@@ -44,6 +45,43 @@ fn a_body_of_points_is_the_body_between_them() {
     let places = [&block, &rock].map(|bodies| bodies.state.pose[0].position);
     assert!((places[0] - places[1]).norm() < 1e-9, "{places:?}");
     assert!(b.form.spheres.len() >= 8, "{}", b.form.spheres.len());
+}
+
+/// What stands on the floor is not said to overlap; what begins in it, or in another body, is, and how deep.
+#[test]
+fn a_body_that_begins_inside_something_is_told() {
+    let overlap = |rest: &str| {
+        let bodies = start(&format!(
+            "[time]
+            end = 1
+            [bodies]
+            sphere_radius = 0.05
+            [[wall]]
+            name = 'ground'
+            plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}
+            [[body]]
+            name = 'block'
+            box = [0.4, 0.4, 0.4]
+            density = 2000
+            {rest}"
+        ));
+        bodies.deepest_overlap()
+    };
+    let standing = overlap("at = [0, 0, 0.2]");
+    assert!(standing.is_none_or(|o| o.relative < 1e-9), "{standing:?}");
+    let sunk = overlap("at = [0, 0, 0.17]").expect("3 cm deep");
+    assert_eq!((sunk.cluster, sunk.partner), (0, Partner::Wall(0)));
+    assert!((sunk.depth - 0.03).abs() < 1e-9 && (sunk.relative - 0.6).abs() < 1e-9, "{sunk:?}");
+    // Side by side, in by 2 cm.
+    let other = "at = [0, 0, 0.2]
+        [[body]]
+        name = 'other'
+        box = [0.4, 0.4, 0.4]
+        density = 2000
+        at = [0.38, 0, 0.2]";
+    let two = overlap(other).expect("2 cm deep");
+    assert_eq!((two.cluster, two.partner), (0, Partner::Cluster(1)));
+    assert!((two.depth - 0.02).abs() < 1e-9, "{two:?}");
 }
 
 /// Largest force of the stamp on a beam of nine cubes of 0.1 m, 0.6 m between supports.

@@ -5,7 +5,7 @@
 //! - `broad_phase`, `neighbours` who may touch whom · `contact_law` spring, dashpot, slider at a point ·
 //!   `contact` of clusters · `balls` those of one sphere · `material` · `walls`.
 //! - `touching` faces in common · `cohesion` joints there · `cohesion_law` [28].
-//! - `glued` who holds together · `leaving` those that have left the mesh.
+//! - `glued` who holds together · `overlap` who stands inside another · `leaving` those that have left the mesh.
 //! - `time_step` the longest stable one · `account` where the energy is · `step` the sub-cycle · `record`
 //!   all of it as lists, for checkpoints.
 //!
@@ -29,6 +29,7 @@ pub mod leaving;
 pub mod material;
 pub mod motion;
 pub mod neighbours;
+mod overlap;
 pub mod ownership;
 pub mod packing;
 pub mod record;

@@ -72,7 +72,7 @@ pub struct Bodies {
     time_step: f64,
     /// Longest stable one [s].
     limit: f64,
-    near: Neighbours,
+    pub(super) near: Neighbours,
     /// Of each cluster; it changes when one is let go.
     inertia: Vec<Inertia>,
     /// Sub-steps until the lists must be looked at.

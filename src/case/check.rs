@@ -177,7 +177,7 @@ fn initial(file: &CaseFile, reader: &Reader, inside: &[[f64; 3]]) -> Result<Init
     let initial = &file.initial;
     let noise = not_negative("initial.noise", initial.noise)?;
     if file.air.is_none() {
-        let message = "without the table [air] water is everywhere";
+        let message = "without the table [air] water is everywhere; add [air]";
         if initial.water.is_some() {
             return refuse("initial.water", message);
         }

@@ -15,6 +15,7 @@ use super::material::Material;
 use super::open_boundary::OpenFace;
 use super::sealed::{Sealed, Squeezed};
 use super::slivers::{self, Entry, WithEntries};
+use super::stabilisation;
 use super::wall::{Method, WallElement};
 use super::weak_form::{Element, ElementSystem, unknowns};
 use super::{viscous, viscous_force};
@@ -56,6 +57,8 @@ pub struct Flow {
     pub fine_scale: Vec<[f64; 3]>,
     /// Length of the last step [s].
     pub dt_old: f64,
+    /// The time step that stabilisation went by in it [s]: `stabilisation::time_step`.
+    pub dt_tau: f64,
     /// Steps done.
     pub steps: u64,
     /// What the boundaries fix.
@@ -111,6 +114,7 @@ pub struct Saved {
     p: Vec<f64>,
     fine_scale: Vec<[f64; 3]>,
     dt_old: f64,
+    dt_tau: f64,
     steps: u64,
 }
 
@@ -170,6 +174,7 @@ impl Flow {
             p,
             fine_scale: vec![[0.0; 3]; part.mesh.tets.len()],
             dt_old: f64::INFINITY,
+            dt_tau: 0.0,
             steps: 0,
             constraints,
             tolerance: case.solver.tolerance,
@@ -276,6 +281,7 @@ impl Flow {
         let starting = self.steps < START_STEPS;
         let theta = if starting { 1.0 } else { 0.5 };
         let ratio = 0.5 * dt / self.dt_old;
+        self.dt_tau = stabilisation::time_step(dt, self.dt_tau);
         for (a, (u, old)) in self.a.iter_mut().zip(self.u.iter().zip(&self.u_old)) {
             *a = std::array::from_fn(|k| u[k] + ratio * (u[k] - old[k]));
         }
@@ -339,6 +345,7 @@ impl Flow {
             p: self.p.clone(),
             fine_scale: self.fine_scale.clone(),
             dt_old: self.dt_old,
+            dt_tau: self.dt_tau,
             steps: self.steps,
         }
     }
@@ -349,7 +356,7 @@ impl Flow {
         self.u_old.clone_from(&saved.u_old);
         self.p.clone_from(&saved.p);
         self.fine_scale.clone_from(&saved.fine_scale);
-        (self.dt_old, self.steps) = (saved.dt_old, saved.steps);
+        (self.dt_old, self.dt_tau, self.steps) = (saved.dt_old, saved.dt_tau, saved.steps);
         self.again = Some(self.began);
     }
 

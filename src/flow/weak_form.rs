@@ -35,6 +35,8 @@ pub struct Element<R = f64> {
     pub laplacian: [R; 3],
     /// Time step [s].
     pub dt: f64,
+    /// The time step that τ and τ_c are of [s].
+    pub dt_tau: f64,
     /// Weight of n+1: ½ Crank-Nicolson, 1 implicit Euler.
     pub theta: f64,
 }
@@ -141,8 +143,8 @@ impl<R: Real> Element<R> {
         let (speed, h) = (norm(a), self.geometry.size());
         Parameters {
             a,
-            tau: tau(self.dt, speed, h, nu),
-            tau_c: tau_c(self.dt, speed, h, nu),
+            tau: tau(self.dt_tau, speed, h, nu),
+            tau_c: tau_c(self.dt_tau, speed, h, nu),
             speed,
             h,
         }
@@ -177,7 +179,7 @@ impl<R: Real> Element<R> {
         x: &[[R; 4]; 4],
         system: &mut ElementSystem<R>,
     ) {
-        let Element { geometry, material, u, a, laplacian, dt, theta } = self;
+        let Element { geometry, material, u, a, laplacian, dt, theta, .. } = self;
         let (grad, v) = (&geometry.grad, fluid.volume());
         let ElementMaterial { rho, mu, grad_mu, force } = *material;
         let Parameters { a: am, tau, tau_c, .. } = *parameters;
@@ -418,7 +420,7 @@ mod tests {
         let material = ElementMaterial { rho: 7.0, mu: 0.3, grad_mu: [0.2, -0.1, 0.4], force };
         let (u, a) = (any.vectors(), any.vectors());
         let laplacian = [0.4, -0.2, 0.1];
-        Element { geometry, material, u, a, laplacian, dt: 0.07, theta: 0.5 }
+        Element { geometry, material, u, a, laplacian, dt: 0.07, dt_tau: 0.1, theta: 0.5 }
     }
 
     fn system<R: Real>(
@@ -473,6 +475,7 @@ mod tests {
             a: vectors(|e| &e.a),
             laplacian: [0, 1, 2].map(|k| packed(four, |e| e.laplacian[k])),
             dt: four[0].dt,
+            dt_tau: four[0].dt_tau,
             theta: four[0].theta,
         }
     }

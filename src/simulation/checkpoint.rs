@@ -25,7 +25,7 @@ impl Simulation {
             nodal.push(("u_old", 3, Values::F64(flow.u_old.as_flattened())));
             nodal.push(("p", 1, Values::F64(&flow.p)));
             elements.push(("fine_scale", 3, Values::F64(flow.fine_scale.as_flattened())));
-            scalars.push(("dt_old", flow.dt_old));
+            scalars.extend([("dt_old", flow.dt_old), ("dt_tau", flow.dt_tau)]);
         }
         let lists: Vec<(String, f64)> = phase
             .global
@@ -91,7 +91,11 @@ impl Simulation {
         let part = &self.part;
         let found = checkpoint::find(path);
         if part.comm.any(found.is_none()) {
-            return Err(io::Error::file(path, "there is no checkpoint here").into());
+            return Err(io::Error::file(
+                path,
+                "there is no checkpoint here (output.checkpoint_every writes them)",
+            )
+            .into());
         }
         let found = found.expect("every rank found it");
         let saved = Checkpoint::open(&part.comm, &found)?;
@@ -123,7 +127,7 @@ impl Simulation {
             flow.p = nodes("p", 1)?;
             let ids = &part.element_global;
             flow.fine_scale = vectors(saved.read_f64("elements", "fine_scale", 3, ids)?);
-            flow.dt_old = scalar("dt_old")?;
+            (flow.dt_old, flow.dt_tau) = (scalar("dt_old")?, scalar("dt_tau")?);
             flow.steps = saved.step();
         }
         if let Some(ledger) = &mut self.energy {

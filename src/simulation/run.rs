@@ -4,7 +4,7 @@ use super::{RunError, Simulation, StepReport};
 use crate::case::MeshSource;
 use crate::coupling::thickness::Thin;
 use crate::fem::courant_rate;
-use crate::report::bodies::{BodiesOutput, sub_step};
+use crate::report::bodies::{BodiesOutput, sub_step, warnings};
 use crate::report::energy::EnergyOutput;
 use crate::report::output::{Output, Schedule, Snapshot};
 use crate::report::progress::{Line, Progress};
@@ -63,6 +63,9 @@ impl Simulation {
         }
         if let Some(bodies) = &self.bodies {
             progress.tell(&sub_step(bodies));
+            if after.is_none() {
+                warnings(&self.case, bodies).iter().for_each(|warning| progress.tell(warning));
+            }
         }
         let begun = self.clock.step;
         let mut flow_iterations = 0;

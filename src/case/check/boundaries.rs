@@ -69,7 +69,7 @@ fn with_values(
 ) -> Result<Boundary, Problem> {
     let sub = |name: &str| format!("{key}.{name}");
     if table.water.is_some() && !air {
-        return refuse(sub("water"), "without the table [air] water is everywhere");
+        return refuse(sub("water"), "without the table [air] water is everywhere; add [air]");
     }
     if table.wave_maker.is_none() {
         let given = [("column", table.column.is_some()), ("direction", table.direction.is_some())];

@@ -24,6 +24,7 @@ impl Flow {
             a: corners(&self.a),
             laplacian: self.laplacian_in(part, material, e),
             dt,
+            dt_tau: self.dt_tau,
             theta,
         };
         if !self.nodal_force.is_empty() {
@@ -54,6 +55,7 @@ impl Flow {
             a: corners(&tets, &self.a),
             laplacian: [f64x4::default(); 3],
             dt,
+            dt_tau: self.dt_tau,
             theta,
         };
         if !self.laplacian.is_empty() {
