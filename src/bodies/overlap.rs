@@ -55,7 +55,7 @@ impl Bodies {
             })
             .unzip();
         let [wall, partner, depth] = [of(wall), of(partner), of(mine.map(|w| w.depth))];
-        (relative > 0.0).then(|| Overlap {
+        (relative > 0.0).then_some(Overlap {
             cluster: cluster as u32,
             partner: if wall == 0.0 {
                 Partner::Cluster(partner as u32)
