@@ -283,8 +283,8 @@ pub fn warnings(case: &Case, bodies: &Bodies) -> Vec<String> {
             worst.relative
         ));
     }
-    let falls = world.gravity.norm() > 0.0 && world.clusters.iter().any(Cluster::is_free);
-    if falls && world.walls.is_empty() && world.clusters.iter().all(Cluster::is_free) {
+    let held = !world.walls.is_empty() || !world.clusters.iter().all(Cluster::is_free);
+    if !held && world.gravity.norm() > 0.0 {
         said.push(
             "walls:   none, and no fixed body: what sinks leaves the mesh (bodies.walls)".into(),
         );
