@@ -87,14 +87,11 @@ fn run(arguments: Arguments, comm: &Communicator) -> Result<(), (u8, String)> {
     };
     let mut simulation = Simulation::new(case, comm).map_err(bad_input)?;
     if arguments.check {
-        let surface = simulation.phase.as_ref().map(|phase| [phase.delta(), phase.cell()]);
+        let surface = simulation.surface();
         let plan = plan::of(&simulation.case, &simulation.part, surface);
-        let thin = simulation.thin_structures();
-        let bodies = simulation.bodies.as_ref();
-        let warnings = bodies.map_or(Vec::new(), |b| report::bodies::warnings(&simulation.case, b));
+        let warnings = simulation.warnings();
         if comm.rank() == 0 {
             say(plan);
-            thin.iter().for_each(say);
             if let Some(bodies) = &simulation.bodies {
                 say(report::bodies::plan(bodies, simulation.case.time.end));
             }

@@ -1,10 +1,11 @@
 //! The state of a case in progress, and its step. `run` goes to the end, with output · `time_step` how long a step is ·
-//! `checkpoint` restart · `energy` where energy is and goes.
+//! `checkpoint` restart · `energy` where energy is and goes · `warnings` what is said before it runs.
 
 mod checkpoint;
 mod energy;
 mod run;
 mod time_step;
+mod warnings;
 
 use crate::bodies::{Bodies, Load, Tracked};
 use crate::case::Case;

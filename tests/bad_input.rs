@@ -495,7 +495,7 @@ const BAD_ARGUMENTS: &[(&[&str], i32, &str)] = &[
         1,
         "error: nowhere: there is no checkpoint here (output.checkpoint_every writes them)",
     ),
-    (&["case.toml", "--out", "in.csv"], 1, "error: in.csv: File exists (os error 17)"),
+    (&["case.toml", "--out", "in.csv"], 1, "error: in.csv: a file, not a folder for results"),
 ];
 
 #[test]

@@ -127,11 +127,11 @@ fn sealed_fluid_is_compressed_and_reported() {
 #[test]
 fn a_structure_that_is_too_thin_is_named() {
     let with = |thickness: f64| {
-        let run = simulation(&format!(
+        let mut run = simulation(&format!(
             "time.end = 1\n{TANK}\n[[obstacle]]\nname = \"wall\"\ncuboid = [{thickness}, 1, 2]\nat = [0.512, 0.2, 0.3]\n\
              [[obstacle]]\nname = \"ball\"\nsphere = 0.1\nat = [0.8, 0.2, 0.3]\n"
         ));
-        run.thin_structures()
+        run.warnings()
     };
     assert!(with(0.1001).is_empty(), "two cells: {:?}", with(0.1001));
     let said = with(0.06);
@@ -141,17 +141,39 @@ fn a_structure_that_is_too_thin_is_named() {
     assert!(with(0.004)[0].contains("0.1 elements"));
 }
 
+#[test]
+fn what_is_outside_the_mesh_and_a_tank_without_water_are_told() {
+    let with = |at: f64, rest: &str| {
+        let mut run = simulation(&format!(
+            "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.05\n[[obstacle]]\nname = \"pier\"\n\
+             sphere = 0.1\nat = [{at}, 0.2, 0.3]\n{rest}\n[[body]]\nname = \"box\"\nbox = [0.2, 0.2, 0.2]\n\
+             at = [{at}, 0.2, 0.55]\ndensity = 2000\n"
+        ));
+        run.warnings()
+    };
+    assert_eq!(with(0.5, ""), [""; 0]);
+    let outside = |name: &str| format!("outside: {name} is nowhere in the mesh");
+    assert_eq!(with(-0.2, ""), [outside("obstacle \"pier\""), outside("body \"box\"")]);
+    // It comes in later.
+    assert_eq!(with(-0.2, "velocity = [1, 0, 0]"), [outside("body \"box\"")]);
+    let dry = TANK.replace("z < 0.5", "z < -0.5");
+    assert_eq!(
+        simulation(&format!("time.end = 1\n{dry}")).warnings(),
+        ["water:   none at first (initial.water)"]
+    );
+}
+
 /// Glued blocks of one cell each: the wall they make is what has to be thick.
 #[test]
 fn blocks_that_touch_are_as_thick_as_all_of_them() {
     let with = |blocks: u32| {
-        let run = simulation(&format!(
-            "time.end = 1\n{TANK}\n[bodies]\nsphere_radius = 0.02\nbond = {{ strength = 1e6, opening = 0.001 }}\n\
+        let mut run = simulation(&format!(
+            "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.02\nbond = {{ strength = 1e6, opening = 0.001 }}\n\
              [[body]]\nname = \"wall\"\nbox = [{}, 0.2, 0.2]\nat = [0.5, 0.2, 0.3]\ngrid = [{blocks}, 4, 4]\n\
              density = 2000\nbonded = true\n",
             0.05 * f64::from(blocks)
         ));
-        run.thin_structures()
+        run.warnings()
     };
     assert!(with(2).is_empty(), "{:?}", with(2));
     assert!(with(1)[0].contains("body \"wall\" is 0.050 m or 1.0 elements"), "{:?}", with(1));

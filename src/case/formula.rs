@@ -213,6 +213,10 @@ mod tests {
             ("1 +", "the formula ends where a number was expected"),
             ("1 + * 2", "a number was expected at column 5, found \"*\""),
             ("1 2", "an operator was expected at column 3, found \"2\""),
+            (
+                "x < 1 and z < 2",
+                "an operator was expected at column 7, found \"and\"; and is written &&",
+            ),
             ("1 = 2", "\"=\" at column 3 is no operator; to compare write =="),
             ("x & y", "unknown character \"&\" at column 3"),
             ("1.2.3", "\"1.2.3\" is no number"),

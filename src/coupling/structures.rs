@@ -64,6 +64,11 @@ impl Structures {
         self.obstacles.move_at_all() || !self.placed.is_empty()
     }
 
+    /// Whether this is an obstacle that moves.
+    pub fn obstacle_moves(&self, structure: usize) -> bool {
+        structure < self.first_body() && self.obstacles.moves(structure)
+    }
+
     /// The number of the first body.
     pub fn first_body(&self) -> usize {
         self.obstacles.names().count()
@@ -153,7 +158,7 @@ impl Structures {
     }
 
     /// Obstacles where they are at time `t`, bodies where they stand.
-    pub(super) fn solids<'a>(&'a self, bodies: Option<&'a Bodies>, t: f64) -> Vec<Solid<'a>> {
+    pub fn solids<'a>(&'a self, bodies: Option<&'a Bodies>, t: f64) -> Vec<Solid<'a>> {
         let mut solids = self.obstacles.solids(t);
         if let Some(bodies) = bodies {
             let clusters = bodies.world.clusters.iter().zip(&self.placed);

@@ -2,8 +2,7 @@
 //! face that came off) and `left.csv` (every body that left the mesh).
 
 use super::output::Schedule;
-use crate::bodies::neighbours::Partner;
-use crate::bodies::{Bodies, Cluster, Tracked, cohesion_law::BROKEN};
+use crate::bodies::{Bodies, Tracked, cohesion_law::BROKEN};
 use crate::case::Case;
 use io::table::TableWriter;
 use io::{Error, MovingFile};
@@ -261,39 +260,6 @@ pub fn plan(bodies: &Bodies, end: f64) -> String {
         steps * (spheres as f64 / SPHERE_STEPS + points as f64 / POINT_STEPS),
     )
 }
-
-/// What to say of bodies that begin inside each other or inside a wall, and of those that nothing holds up. Collective.
-pub fn warnings(case: &Case, bodies: &Bodies) -> Vec<String> {
-    let world = &bodies.world;
-    let name = |cluster: u32| {
-        let group = world.clusters[cluster as usize].group as usize;
-        case.bodies.as_ref().map_or("", |asked| asked.bodies[group].name.as_str())
-    };
-    let mut said = Vec::new();
-    if let Some(worst) = bodies.deepest_overlap().filter(|o| o.relative > OVERLAP) {
-        let other = match worst.partner {
-            Partner::Cluster(other) => format!("body \"{}\"", name(other)),
-            Partner::Wall(wall) => format!("wall \"{}\"", world.walls[wall as usize].name),
-        };
-        said.push(format!(
-            "overlap: body \"{}\" begins inside {other}: contact spheres are {:.3} m or {:.1} radii deep and will be \
-             thrown apart",
-            name(worst.cluster),
-            worst.depth,
-            worst.relative
-        ));
-    }
-    let held = !world.walls.is_empty() || !world.clusters.iter().all(Cluster::is_free);
-    if !held && world.gravity.norm() > 0.0 {
-        said.push(
-            "walls:   none, and no fixed body: what sinks leaves the mesh (bodies.walls)".into(),
-        );
-    }
-    said
-}
-
-/// Overlap over the radius that is said: what settled lies less deep.
-const OVERLAP: f64 = 0.1;
 
 /// The sub-step, as a run tells it.
 pub fn sub_step(bodies: &Bodies) -> String {

@@ -17,8 +17,8 @@ pub struct Plan {
     pub tets_per_rank: [u64; 2],
     /// Smallest and largest element size h_e [m].
     pub size: [f64; 2],
-    /// Thickness δ of the free surface and the size of cells there [m], if there is one.
-    pub surface: Option<[f64; 2]>,
+    /// The free surface, if there is one.
+    pub surface: Option<Surface>,
     /// Fastest fluid to be expected [m/s]: given, initial, flowing in, or falling through the height
     /// of the mesh, √(2gH).
     pub speed: f64,
@@ -32,8 +32,19 @@ pub struct Plan {
     pub memory: f64,
 }
 
-/// Measures the mesh and the free `surface` on it (as in the plan) against the case. Collective.
-pub fn of(case: &Case, part: &MeshPart, surface: Option<[f64; 2]>) -> Plan {
+/// Of the free surface at first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Its thickness δ [m].
+    pub delta: f64,
+    /// The size of cells there [m].
+    pub cell: f64,
+    /// Water in the mesh [m³].
+    pub volume: f64,
+}
+
+/// Measures the mesh and the free `surface` on it against the case. Collective.
+pub fn of(case: &Case, part: &MeshPart, surface: Option<Surface>) -> Plan {
     let mesh = &part.mesh;
     let owned = part.n_owned_elements as f64;
     let gravity = norm(case.gravity);
@@ -91,7 +102,8 @@ impl fmt::Display for Plan {
         writeln!(f, "mesh:    {} nodes, {} tetrahedra", self.nodes, self.tets)?;
         writeln!(f, "         {fewest} to {most} tetrahedra a rank")?;
         writeln!(f, "         element size {:.4} to {:.4} m", self.size[0], self.size[1])?;
-        if let Some([delta, cell]) = self.surface {
+        if let Some(Surface { delta, cell, volume }) = self.surface {
+            writeln!(f, "water:   {volume:.5e} m3 at first")?;
             // φ = 1/(1 + e^(−distance/δ))
             let band = 2.0 * 9f64.ln() * delta;
             writeln!(
@@ -127,7 +139,8 @@ mod tests {
         let case = Case::new(&sources).unwrap();
         let lines = [0.0, 0.5, 1.0, 1.5, 2.0];
         let part = MeshPart::single(tensor_box([&lines[..3], &lines[..3], &lines]));
-        let plan = of(&case, &part, Some([0.1, 0.2]));
+        let surface = Surface { delta: 0.1, cell: 0.2, volume: 1.0 };
+        let plan = of(&case, &part, Some(surface));
         assert_eq!((plan.nodes, plan.tets, plan.tets_per_rank), (45, 96, [96, 96]));
         let h = (2f64.sqrt() * 0.125).cbrt();
         assert!(plan.size.iter().all(|size| (size / h - 1.0).abs() < 1e-14));

@@ -2,9 +2,8 @@
 
 use super::{RunError, Simulation, StepReport};
 use crate::case::MeshSource;
-use crate::coupling::thickness::Thin;
 use crate::fem::courant_rate;
-use crate::report::bodies::{BodiesOutput, sub_step, warnings};
+use crate::report::bodies::{BodiesOutput, sub_step};
 use crate::report::energy::EnergyOutput;
 use crate::report::output::{Output, Schedule, Snapshot};
 use crate::report::progress::{Line, Progress};
@@ -40,7 +39,7 @@ impl Simulation {
             }
             None => None,
         };
-        self.open_folder(&options.out)?;
+        let replaced = self.open_folder(&options.out)?;
         let gauges = self.gauges.take().expect("a simulation is run once");
         let mut output = Output::open(&self.case, &self.part, gauges, &options.out, after)?;
         let mut body_files = match &self.bodies {
@@ -58,14 +57,16 @@ impl Simulation {
         });
         let end = self.case.time.end;
         let mut progress = Progress::new(first && !options.quiet, self.clock.t, end);
-        for thin in self.thin_structures() {
-            progress.tell(&thin);
-        }
         if let Some(bodies) = &self.bodies {
             progress.tell(&sub_step(bodies));
-            if after.is_none() {
-                warnings(&self.case, bodies).iter().for_each(|warning| progress.tell(warning));
+        }
+        if after.is_none() {
+            if replaced {
+                let folder = options.out.display();
+                progress
+                    .tell(&format!("results: those of an earlier run in {folder} are replaced"));
             }
+            self.warnings().iter().for_each(|warning| progress.tell(warning));
         }
         let begun = self.clock.step;
         let mut flow_iterations = 0;
@@ -135,39 +136,21 @@ impl Simulation {
         Ok(summary)
     }
 
-    /// A sentence for each obstacle, and for each entry of bodies, that is too thin for the mesh somewhere. Collective.
-    pub fn thin_structures(&self) -> Vec<String> {
-        let thin = self.structures.thin(&self.part, self.bodies.as_ref(), self.clock.t);
-        let name = |t: &Thin| self.structures.name(&self.case, self.bodies.as_ref(), t.structure);
-        let sentence = |alike: &[Thin]| {
-            let by_elements = |a: &&Thin, b: &&Thin| a.elements.total_cmp(&b.elements);
-            let thinnest = alike.iter().min_by(by_elements).expect("a chunk is not empty");
-            let Thin { place: [x, y, z], thickness, elements, share, .. } = thinnest;
-            let others = match alike.len() {
-                1 => String::new(),
-                n => format!("; {} more of its parts are too thin", n - 1),
-            };
-            format!(
-                "thin:    {} is {thickness:.3} m or {elements:.1} elements thick at ({x:.3}, {y:.3}, {z:.3}), and less \
-                 than 2 on {:.0} % of its surface: the flow may not see it as it is{others}",
-                name(thinnest),
-                100.0 * share
-            )
-        };
-        thin.chunk_by(|a, b| name(a) == name(b)).map(sentence).collect()
-    }
-
-    /// Makes the folder for the results and puts the case as used into it. Collective.
-    fn open_folder(&self, folder: &Path) -> Result<(), io::Error> {
-        let made = if self.part.comm.rank() == 0 {
+    /// Makes the folder for the results and puts the case as used into it; whether one was there already, on the first
+    /// rank. Collective.
+    fn open_folder(&self, folder: &Path) -> Result<bool, io::Error> {
+        let open = || {
             let case = folder.join("case.toml");
-            std::fs::create_dir_all(folder).map_err(|e| io::Error::file(folder, e)).and_then(|()| {
-                std::fs::write(&case, &self.case.effective).map_err(|e| io::Error::file(&case, e))
-            })
-        } else {
-            Ok(())
+            let used = case.exists();
+            if folder.is_file() {
+                return Err(io::Error::file(folder, "a file, not a folder for results"));
+            }
+            std::fs::create_dir_all(folder).map_err(|e| io::Error::file(folder, e))?;
+            std::fs::write(&case, &self.case.effective).map_err(|e| io::Error::file(&case, e))?;
+            Ok(used)
         };
-        io::Error::agree(&self.part.comm, made)
+        let opened = if self.part.comm.rank() == 0 { open() } else { Ok(false) };
+        io::Error::agree(&self.part.comm, opened)
     }
 
     fn snapshot(&self) -> Snapshot<'_> {

@@ -128,11 +128,15 @@ pub fn parse(text: &str) -> Result<Tree, FormulaError> {
         Some(at) if &text[at.clone()] == ")" => {
             fail(format!("\")\" at column {} is one too many", parser.column(&at)))
         }
-        Some(at) => fail(format!(
-            "an operator was expected at column {}, found \"{}\"",
-            parser.column(&at),
-            &text[at]
-        )),
+        Some(at) => {
+            let (column, found) = (parser.column(&at), &text[at]);
+            let hint = match found {
+                "and" => "; and is written &&",
+                "or" => "; or is written ||",
+                _ => "",
+            };
+            fail(format!("an operator was expected at column {column}, found \"{found}\"{hint}"))
+        }
     }
 }
 
