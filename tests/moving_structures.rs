@@ -127,7 +127,7 @@ fn sealed_fluid_is_compressed_and_reported() {
 #[test]
 fn a_structure_that_is_too_thin_is_named() {
     let with = |thickness: f64| {
-        let mut run = simulation(&format!(
+        let run = simulation(&format!(
             "time.end = 1\n{TANK}\n[[obstacle]]\nname = \"wall\"\ncuboid = [{thickness}, 1, 2]\nat = [0.512, 0.2, 0.3]\n\
              [[obstacle]]\nname = \"ball\"\nsphere = 0.1\nat = [0.8, 0.2, 0.3]\n"
         ));
@@ -144,7 +144,7 @@ fn a_structure_that_is_too_thin_is_named() {
 #[test]
 fn what_is_outside_the_mesh_and_a_tank_without_water_are_told() {
     let with = |at: f64, rest: &str| {
-        let mut run = simulation(&format!(
+        let run = simulation(&format!(
             "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.05\n[[obstacle]]\nname = \"pier\"\n\
              sphere = 0.1\nat = [{at}, 0.2, 0.3]\n{rest}\n[[body]]\nname = \"box\"\nbox = [0.2, 0.2, 0.2]\n\
              at = [{at}, 0.2, 0.55]\ndensity = 2000\n"
@@ -167,7 +167,7 @@ fn what_is_outside_the_mesh_and_a_tank_without_water_are_told() {
 #[test]
 fn blocks_that_touch_are_as_thick_as_all_of_them() {
     let with = |blocks: u32| {
-        let mut run = simulation(&format!(
+        let run = simulation(&format!(
             "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.02\nbond = {{ strength = 1e6, opening = 0.001 }}\n\
              [[body]]\nname = \"wall\"\nbox = [{}, 0.2, 0.2]\nat = [0.5, 0.2, 0.3]\ngrid = [{blocks}, 4, 4]\n\
              density = 2000\nbonded = true\n",

@@ -5,13 +5,10 @@ use crate::bodies::neighbours::Partner;
 use crate::bodies::{Bodies, Cluster};
 use crate::case::MeshSource;
 use crate::coupling::thickness::Thin;
-use crate::mesh::tetrahedron::Tetrahedron;
 use crate::report::plan::Surface;
 
 /// Overlap of bodies over the radius of their spheres that is said: what settled lies less deep.
 const OVERLAP: f64 = 0.1;
-/// Share of the mesh's volume that is called no water.
-const NO_WATER: f64 = 1e-9;
 
 impl Simulation {
     /// The free surface as it stands. Collective.
@@ -22,7 +19,7 @@ impl Simulation {
     }
 
     /// Sentences, the same on all ranks. Collective.
-    pub fn warnings(&mut self) -> Vec<String> {
+    pub fn warnings(&self) -> Vec<String> {
         let mut said = Vec::from_iter(self.no_water());
         said.extend(self.outside());
         said.extend(self.thin());
@@ -33,12 +30,11 @@ impl Simulation {
         said
     }
 
-    /// Of a mesh that holds no water.
-    fn no_water(&mut self) -> Option<String> {
-        let water = self.surface()?.volume;
-        let volume = |e| Tetrahedron::of(&self.part.mesh, e).volume;
-        let whole = self.part.sum((0..self.part.n_owned_elements).map(volume).sum());
-        (water <= NO_WATER * whole).then(|| "water:   none at first (initial.water)".into())
+    /// Of a mesh that no water is in.
+    fn no_water(&self) -> Option<String> {
+        let most = self.phase.as_ref()?.phi.iter().fold(0.0, |most: f64, &phi| most.max(phi));
+        let dry = self.part.max(most) < 0.5;
+        dry.then(|| "water:   none at first (initial.water)".into())
     }
 
     /// Of each obstacle that stays, and of each entry of bodies, whose parts all are outside the mesh.
