@@ -73,7 +73,7 @@ stiffness = 1e5
 bond = { strength = 1e6, opening = 1e-3, points = 2 }
 [[body]]
 name = 'blocks'
-box = [0.48, 0.52, 0.32]
+cuboid = [0.48, 0.52, 0.32]
 grid = [12, 13, 8]
 at = [0, 0, 0.161]
 density = 2500

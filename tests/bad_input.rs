@@ -298,7 +298,7 @@ const BAD_CASES: &[(&str, &str, &str)] = &[
     (
         "[[gauge]]\nname = \"H1\"",
         "[bodies]\nsphere_radius = 0.1\n\n[[body]]\nname = \"rock\"\ndensity = 2000\n\n[[gauge]]\nname = \"H1\"",
-        ":43: body[1]: needs one of box, sphere, cylinder, points, file",
+        ":43: body[1]: needs one of cuboid, sphere, cylinder, points, surface",
     ),
     (
         "[[gauge]]\nname = \"H1\"",

@@ -35,7 +35,7 @@ fn a_body_of_points_is_the_body_between_them() {
             density = 2000"
         ))
     };
-    let block = with("box = [0.4, 0.2, 0.3]\nat = [1.7, 0.1, 0.15]");
+    let block = with("cuboid = [0.4, 0.2, 0.3]\nat = [1.7, 0.1, 0.15]");
     let rock = with(&format!("points = {corners}\nat = [0.5, 0, 0]"));
     let [a, b] = [&block, &rock].map(|bodies| &bodies.world.clusters[0]);
     assert!((a.mass - 48.0).abs() < 1e-9 && (b.mass - 48.0).abs() < 1e-9, "{} {}", a.mass, b.mass);
@@ -61,7 +61,7 @@ fn a_body_that_begins_inside_something_is_told() {
             plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}
             [[body]]
             name = 'block'
-            box = [0.4, 0.4, 0.4]
+            cuboid = [0.4, 0.4, 0.4]
             density = 2000
             {rest}"
         ));
@@ -76,7 +76,7 @@ fn a_body_that_begins_inside_something_is_told() {
     let other = "at = [0, 0, 0.2]
         [[body]]
         name = 'other'
-        box = [0.4, 0.4, 0.4]
+        cuboid = [0.4, 0.4, 0.4]
         density = 2000
         at = [0.38, 0, 0.2]";
     let two = overlap(other).expect("2 cm deep");
@@ -98,7 +98,7 @@ fn bending(points: u32, compression: &str, radius: f64, stiffness: f64) -> f64 {
         bond = {{ strength = 1e5, opening = 1e-3, points = {points}, compression = '{compression}', damping = 0.2 }}
         [[body]]
         name = 'beam'
-        box = [0.9, 0.1, 0.1]
+        cuboid = [0.9, 0.1, 0.1]
         grid = [9, 1, 1]
         density = 1000
         bonded = true
@@ -157,7 +157,7 @@ fn fragmented(at: f64) -> Bodies {
         bond = {{ strength = 1e5, opening = 5e-4, points = 3 }}
         [[body]]
         name = 'beam'
-        box = [1, 0.2, 0.2]
+        cuboid = [1, 0.2, 0.2]
         density = 2000
         bonded = true
         fragments = {{ size = 0.12, seed = 5 }}
@@ -233,7 +233,7 @@ fn a_solid_of_a_file_is_fragmented() {
             plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}
             [[body]]
             name = 'angle'
-            file = '{file}'
+            surface = '{file}'
             density = 2000
             bonded = true
             fragments = {{ size = 0.5 }}"
@@ -271,7 +271,7 @@ fn a_solid_of_a_file_is_fragmented() {
     assert!(x > 0.0 && y < 0.0, "{x}, {y}");
 
     let wrong = start_in(folder, &case("open.stl")).unwrap_err();
-    assert!(wrong.starts_with("case.toml:") && wrong.contains("body[1].file"), "{wrong}");
+    assert!(wrong.starts_with("case.toml:") && wrong.contains("body[1].surface"), "{wrong}");
     assert!(wrong.contains("not closed: 3 edges"), "{wrong}");
 }
 
@@ -290,9 +290,9 @@ fn a_pile_comes_to_rest() {
         plane = { point = [0, 0, 0], normal = [0, 0, 1] }
         [[body]]
         name = 'boulders'
-        box = [0.3, 0.25, 0.2]
+        cuboid = [0.3, 0.25, 0.2]
         at = [0, 0, 0.12]
-        rotate = [4, 7, 12]
+        turned = [4, 7, 12]
         density = 2500
         copies = { count = [1, 1, 4], spacing = [0.01, 0.01, 0.25] }",
     );
@@ -315,7 +315,7 @@ fn applied_forces_move_bodies() {
         sphere_radius = 0.05
         [[body]]
         name = 'pushed'
-        box = [0.2, 0.2, 0.2]
+        cuboid = [0.2, 0.2, 0.2]
         density = 1000
         force = ['16 * t', 0, 0]
         torque = [0, 0, 0.8]",
@@ -338,7 +338,7 @@ fn recorded_points_move_with_their_bodies() {
         sphere_radius = 0.05
         [[body]]
         name = 'post'
-        box = [0.2, 0.2, 0.2]
+        cuboid = [0.2, 0.2, 0.2]
         at = [1, 0, 0]
         density = 1000
         led_velocity = ['2 * t', 0, 1]
@@ -379,14 +379,14 @@ fn blocks_come_to_rest_on_the_walls_they_feel() {
         plane = { point = [0, 0, -1], normal = [0, 0, 1] }
         [[body]]
         name = 'felt'
-        box = [0.4, 0.4, 0.4]
+        cuboid = [0.4, 0.4, 0.4]
         at = [0, 0, 0.21]
         grid = [2, 2, 2]
         bonded = true
         density = 1000
         [[body]]
         name = 'unfelt'
-        box = [0.2, 0.2, 0.2]
+        cuboid = [0.2, 0.2, 0.2]
         at = [2, 0, 0.11]
         density = 1000
         ignores = ['shelf']",
@@ -413,7 +413,7 @@ name = 'ground'
 plane = { point = [0, 0, 0], normal = [0, 0, 1] }
 [[body]]
 name = 'a'
-box = [0.1, 0.1, 0.1]
+cuboid = [0.1, 0.1, 0.1]
 density = 2000
 material = 'stone'
 ignores = ['ground']
@@ -423,11 +423,11 @@ friction_angle = 20";
     assert!(start_in(Path::new("/"), good).is_ok());
     for (from, to, said) in [
         (
-            "box = [0.1, 0.1, 0.1]",
+            "cuboid = [0.1, 0.1, 0.1]",
             "",
-            "9: body[1]: needs one of box, sphere, cylinder, points, file",
+            "9: body[1]: needs one of cuboid, sphere, cylinder, points, surface",
         ),
-        ("box =", "bxo =", "11: body[1].bxo: unknown key; did you mean \"box\"?"),
+        ("cuboid =", "cubiod =", "11: body[1].cubiod: unknown key; did you mean \"cuboid\"?"),
         ("density = 2000", "", "9: body[1]: the key \"density\" is missing"),
         ("density = 2000", "density = 0", "12: body[1].density: must be greater than 0, is 0"),
         (
@@ -518,10 +518,10 @@ fn heap() -> Bodies {
         copies = { count = [4, 4, 4], spacing = [0.11, 0.1001, 0.103] }
         [[body]]
         name = 'blocks'
-        box = [0.1, 0.08, 0.12]
+        cuboid = [0.1, 0.08, 0.12]
         density = 2000
         at = [0, 0, 0.6]
-        rotate = [20, 30, 40]
+        turned = [20, 30, 40]
         velocity = [0.2, 0, -2]
         copies = { count = [2, 2, 1], spacing = [0.2, 0.2, 0] }",
     )

@@ -30,7 +30,7 @@ fn a_piston_pushes_its_column() {
              [time]\nend = 1\nstep = {dt}\n\
              [solver]\ntolerance = 1e-8\n\
              [bodies]\nsphere_radius = 0.05\nslip = true\n\
-             [[body]]\nname = \"piston\"\nbox = [0.3, 0.6, 0.6]\nat = [0, 0.1, 0.1]\n\
+             [[body]]\nname = \"piston\"\ncuboid = [0.3, 0.6, 0.6]\nat = [0, 0.1, 0.1]\n\
              density = {}\nforce = [{force}, 0, 0]\n\
              locked = [\"y\", \"z\", \"rx\", \"ry\", \"rz\"]\n",
             mass / (0.3 * 0.36)
@@ -65,7 +65,7 @@ fn a_block_on_the_bottom_has_buoyancy() {
              [solver]\ntolerance = 1e-8\n\
              [bodies]\nsphere_radius = 0.05\nslip = true\nsettle = 0.05\n\
              [[wall]]\nname = \"floor\"\nplane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}\n\
-             [[body]]\nname = \"block\"\nbox = [0.4, 0.3, 0.2]\nat = [0.5, {y}, 0.1]\ndensity = 3000\n\
+             [[body]]\nname = \"block\"\ncuboid = [0.4, 0.3, 0.2]\nat = [0.5, {y}, 0.1]\ndensity = 3000\n\
              locked = [\"y\", \"rx\", \"rz\"]\n"
         ));
         for _ in 0..3 {
@@ -108,7 +108,7 @@ fn momentum_taken_from_the_water_is_given_to_bodies() {
          [bodies]\nsphere_radius = 0.05\n\
          [[body]]\nname = \"ball\"\nsphere = 0.16\nat = [0.33, 0.4, 0.45]\ndensity = 500\n\
          force = [30, 10, -20]\n\
-         [[body]]\nname = \"box\"\nbox = [0.2, 0.24, 0.3]\nat = [0.7, 0.6, 0.52]\nrotate = [20, 30, 40]\n\
+         [[body]]\nname = \"box\"\ncuboid = [0.2, 0.24, 0.3]\nat = [0.7, 0.6, 0.52]\nturned = [20, 30, 40]\n\
          density = 2000\ntorque = [5, -4, 3]\n",
     );
     for _ in 0..5 {
@@ -152,7 +152,7 @@ fn energy_is_accounted_for() {
          [output]\nenergy = true\n\
          [bodies]\nsphere_radius = 0.02\nbond = { strength = 1e4, opening = 1e-3 }\n\
          [[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
-         [[body]]\nname = \"boxes\"\nbox = [0.12, 0.24, 0.12]\nat = [0.5, 0.16, 0.065]\n\
+         [[body]]\nname = \"boxes\"\ncuboid = [0.12, 0.24, 0.12]\nat = [0.5, 0.16, 0.065]\n\
          grid = [1, 2, 1]\ndensity = 400\nbonded = true\n";
     let lines = ledger(text, 60, 5e-3);
     let (begin, end) = (lines[0], lines[60]);
@@ -218,8 +218,8 @@ fn water_between_bodies_that_meet_is_pressed_out() {
          [time]\nend = 2\nmax_step = 0.02\n\
          [bodies]\nsphere_radius = 0.05\nsettle = 0.05\nstiffness = 1e6\n\
          [[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n\
-         [[body]]\nname = \"lower\"\nbox = [0.5, 0.5, 0.2]\nat = [0.5, 0.5, 0.1]\ndensity = 2500\n\
-         [[body]]\nname = \"upper\"\nbox = [0.5, 0.5, 0.2]\nat = [0.52, 0.49, 0.42]\ndensity = 2500\n",
+         [[body]]\nname = \"lower\"\ncuboid = [0.5, 0.5, 0.2]\nat = [0.5, 0.5, 0.1]\ndensity = 2500\n\
+         [[body]]\nname = \"upper\"\ncuboid = [0.5, 0.5, 0.2]\nat = [0.52, 0.49, 0.42]\ndensity = 2500\n",
     );
     let (mut fastest, mut quickest) = (0.0_f64, 0.0_f64);
     let mut volumes = Vec::new();
@@ -278,7 +278,7 @@ fn steps_follow_flow_walls_and_contacts() {
          [time]\nend = 0.05\nfirst_step = 1e-3\n\
          [output]\nfields_every = \"never\"\nbodies_every = \"never\"\n\
          [bodies]\nsphere_radius = 0.05\n\
-         [[body]]\nname = \"led\"\nbox = [0.15, 0.22, 0.22]\nat = [0.3, 0.25, 0.25]\ndensity = 2500\n\
+         [[body]]\nname = \"led\"\ncuboid = [0.15, 0.22, 0.22]\nat = [0.3, 0.25, 0.25]\ndensity = 2500\n\
          led_velocity = [2, 0, 0]\n\
          [[body]]\nname = \"free\"\nsphere = 0.11\nat = [0.8, 0.25, 0.25]\ndensity = 2500\n";
     let mut run = simulation(text);
@@ -309,7 +309,7 @@ fn a_glued_post_gains_nothing_from_water_at_rest() {
          [time]\nend = 1\nstep = 0.01\n\
          [bodies]\nsphere_radius = 0.02\n\
          bond = { strength = 1e5, opening = 1e-3 }\n\
-         [[body]]\nname = \"post\"\nbox = [0.1, 0.2, 0.4]\nat = [0.5, 0.2, 0.2]\n\
+         [[body]]\nname = \"post\"\ncuboid = [0.1, 0.2, 0.4]\nat = [0.5, 0.2, 0.2]\n\
          grid = [1, 1, 2]\ndensity = 2400\nbonded = true\nfixed = \"z < 0.2\"\n\
          velocity = [0.1, 0, 0]\n",
     );

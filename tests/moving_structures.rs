@@ -146,7 +146,7 @@ fn what_is_outside_the_mesh_and_a_tank_without_water_are_told() {
     let with = |at: f64, rest: &str| {
         let run = simulation(&format!(
             "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.05\n[[obstacle]]\nname = \"pier\"\n\
-             sphere = 0.1\nat = [{at}, 0.2, 0.3]\n{rest}\n[[body]]\nname = \"box\"\nbox = [0.2, 0.2, 0.2]\n\
+             sphere = 0.1\nat = [{at}, 0.2, 0.3]\n{rest}\n[[body]]\nname = \"box\"\ncuboid = [0.2, 0.2, 0.2]\n\
              at = [{at}, 0.2, 0.55]\ndensity = 2000\n"
         ));
         run.warnings()
@@ -169,7 +169,7 @@ fn blocks_that_touch_are_as_thick_as_all_of_them() {
     let with = |blocks: u32| {
         let run = simulation(&format!(
             "time.end = 1\n{TANK}\n[bodies]\nwalls = [\"z_min\"]\nsphere_radius = 0.02\nbond = {{ strength = 1e6, opening = 0.001 }}\n\
-             [[body]]\nname = \"wall\"\nbox = [{}, 0.2, 0.2]\nat = [0.5, 0.2, 0.3]\ngrid = [{blocks}, 4, 4]\n\
+             [[body]]\nname = \"wall\"\ncuboid = [{}, 0.2, 0.2]\nat = [0.5, 0.2, 0.3]\ngrid = [{blocks}, 4, 4]\n\
              density = 2000\nbonded = true\n",
             0.05 * f64::from(blocks)
         ));

@@ -129,7 +129,7 @@ pub enum BodyShape {
     /// The convex hull of points [m].
     Points(Vec<[f64; 3]>),
     /// STL or OBJ.
-    File(PathBuf),
+    Surface(PathBuf),
 }
 
 /// How an entry becomes several bodies.
@@ -186,7 +186,7 @@ pub struct Body {
     /// Place [m].
     pub at: [f64; 3],
     /// About x, then y, then z [rad].
-    pub rotate: [f64; 3],
+    pub turned: [f64; 3],
     /// Number and distance [m] of copies along x, y, z.
     pub copies: ([u32; 3], [f64; 3]),
     /// [kg/m³]
@@ -240,7 +240,7 @@ pub enum WallShape {
         normal: [f64; 3],
     },
     /// STL or OBJ.
-    File(PathBuf),
+    Surface(PathBuf),
     /// The boundary of the mesh that has the wall's name.
     Boundary,
     /// An obstacle: an index into the case's.

@@ -49,8 +49,9 @@ impl Sources {
             sources.tables.insert(name, text);
         }
         let files = typed.mesh.file.iter().map(|name| ("mesh.file".into(), name));
-        let bodies = (1..).zip(&typed.body).map(|(i, b)| (format!("body[{i}].file"), &b.file));
-        let walls = (1..).zip(&typed.wall).map(|(i, w)| (format!("wall[{i}].file"), &w.file));
+        let bodies =
+            (1..).zip(&typed.body).map(|(i, b)| (format!("body[{i}].surface"), &b.surface));
+        let walls = (1..).zip(&typed.wall).map(|(i, w)| (format!("wall[{i}].surface"), &w.surface));
         let others = bodies.chain(walls).filter_map(|(key, name)| Some((key, name.as_ref()?)));
         for (key, name) in files.chain(others) {
             if let Err(error) = std::fs::File::open(sources.folder.join(name)) {
@@ -89,8 +90,8 @@ impl Sources {
         for obstacle in &mut file.obstacle {
             obstacle.surface.iter_mut().chain(&mut obstacle.terrain).for_each(absolute);
         }
-        file.body.iter_mut().filter_map(|b| b.file.as_mut()).for_each(absolute);
-        file.wall.iter_mut().filter_map(|w| w.file.as_mut()).for_each(absolute);
+        file.body.iter_mut().filter_map(|b| b.surface.as_mut()).for_each(absolute);
+        file.wall.iter_mut().filter_map(|w| w.surface.as_mut()).for_each(absolute);
     }
 
     /// For errors about keys.

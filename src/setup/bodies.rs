@@ -157,13 +157,13 @@ fn pieces(
         BodyShape::Points(points) => {
             Shape::hull(points).map_err(|e| fail("points", e.to_string()))?
         }
-        BodyShape::File(path) => {
-            let file = surface(case, &format!("{key}.file"), path, comm)?;
+        BodyShape::Surface(path) => {
+            let file = surface(case, &format!("{key}.surface"), path, comm)?;
             Shape::drawn(Surface::new(&file.vertices, &file.triangles))
-                .map_err(|e| fail("file", e.to_string()))?
+                .map_err(|e| fail("surface", e.to_string()))?
         }
     };
-    let [x, y, z] = entry.rotate;
+    let [x, y, z] = entry.turned;
     let stand =
         Pose { position: entry.at.into(), rotation: UnitQuaternion::from_euler_angles(x, y, z) };
     // Shapes, each with its places in the entry's own frame.

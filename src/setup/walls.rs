@@ -32,13 +32,13 @@ pub fn walls(
         case.source.error(&format!("bodies.walls[{}]", i - tables + 1), message)
     };
     for (i, wall) in asked.walls.iter().enumerate() {
-        let file_key = || format!("wall[{}].file", i + 1);
+        let file_key = || format!("wall[{}].surface", i + 1);
         let surface = match &wall.surface {
             WallShape::Plane { point, normal } => {
                 let normal = Vector3::from(*normal);
                 WallSurface::Plane { normal, offset: normal.dot(&Vector3::from(*point)) }
             }
-            WallShape::File(path) => {
+            WallShape::Surface(path) => {
                 let file = surface(case, &file_key(), path, &part.comm)?;
                 WallSurface::triangles(&file.vertices, &file.triangles)
                     .map_err(|message| case.source.error(&file_key(), message))?

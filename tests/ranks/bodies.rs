@@ -56,16 +56,16 @@ pub fn a_wall_breaks_alike(comm: &Communicator) {
         plane = { point = [0, 0, 0], normal = [0, 0, 1] }
         [[body]]
         name = 'wall'
-        box = [5, 0.2, 2.4]
+        cuboid = [5, 0.2, 2.4]
         at = [0, 0, 1.2]
         grid = [20, 1, 12]
         density = 2000
         bonded = true
         [[body]]
         name = 'block'
-        box = [0.6, 0.6, 0.6]
+        cuboid = [0.6, 0.6, 0.6]
         at = [0.5, -0.52, 1.2]
-        rotate = [20, 10, 30]
+        turned = [20, 10, 30]
         density = 2500
         velocity = [0, 10, 0]";
     let (alone, shared) = side_by_side(text, comm, 30, 100.0, |a, s| assert_alike(a, s, comm));
@@ -95,16 +95,16 @@ pub fn loose_bodies_cross_borders(comm: &Communicator) {
         plane = { point = [0, 0, 0], normal = [0, 0, 1] }
         [[body]]
         name = 'right'
-        box = [0.2, 0.2, 0.2]
+        cuboid = [0.2, 0.2, 0.2]
         at = [-2, 0, 0.1001]
-        rotate = [0, 0, 10]
+        turned = [0, 0, 10]
         density = 2000
         velocity = [8, 0, 0]
         spin = [0, 0, 2]
         copies = { count = [8, 3, 2], spacing = [0.3, 0.3, 0.21] }
         [[body]]
         name = 'left'
-        box = [0.2, 0.2, 0.2]
+        cuboid = [0.2, 0.2, 0.2]
         at = [0.8, 0.1, 0.1001]
         density = 2000
         velocity = [-1, 0, 0]
@@ -152,9 +152,9 @@ pub fn bodies_fall_on_boundaries(comm: &Communicator) {
         walls = ['z_min', 'x_min', 'x_max', 'y_min', 'y_max', 'step', 'pier']
         [[body]]
         name = 'blocks'
-        box = [0.2, 0.15, 0.12]
+        cuboid = [0.2, 0.15, 0.12]
         at = [0.3, 0.3, 0.4]
-        rotate = [20, 30, 10]
+        turned = [20, 30, 10]
         density = 2000
         copies = { count = [5, 2, 2], spacing = [0.31, 0.33, 0.24] }
         [[body]]

@@ -167,7 +167,7 @@ fn new_name<'a>(
 
 fn wall(key: &str, typed: &WallTable, bodies: &mut Bodies, folder: &Path) -> Result<Wall, Problem> {
     let name = new_name(key, &typed.name, bodies.walls.iter().map(|w| &w.name))?;
-    let surface = match (&typed.plane, &typed.file) {
+    let surface = match (&typed.plane, &typed.surface) {
         (Some(plane), None) => {
             let point = finite_vector(&format!("{key}.plane.point"), &plane.point)?;
             let normal = finite_vector(&format!("{key}.plane.normal"), &plane.normal)?;
@@ -177,8 +177,8 @@ fn wall(key: &str, typed: &WallTable, bodies: &mut Bodies, folder: &Path) -> Res
             }
             WallShape::Plane { point, normal: normal.map(|n| n / length) }
         }
-        (None, Some(name)) => WallShape::File(folder.join(name)),
-        _ => return refuse(key, "needs one of plane, file"),
+        (None, Some(name)) => WallShape::Surface(folder.join(name)),
+        _ => return refuse(key, "needs one of plane, surface"),
     };
     Ok(Wall { name, material: material(bodies, typed.material.as_ref()), surface })
 }
@@ -234,11 +234,11 @@ fn body(
 ) -> Result<Body, Problem> {
     let at = |name: &str| format!("{key}.{name}");
     let name = new_name(key, &typed.name, bodies.bodies.iter().map(|b| &b.name))?;
-    let BodyTable { cuboid, sphere, cylinder, points, file, .. } = typed;
-    let shape = match (cuboid, sphere, cylinder, points, file) {
+    let BodyTable { cuboid, sphere, cylinder, points, surface, .. } = typed;
+    let shape = match (cuboid, sphere, cylinder, points, surface) {
         (Some(edges), None, None, None, None) => {
             for (i, edge) in edges.iter().enumerate() {
-                positive(&at(&format!("box[{}]", i + 1)), *edge)?;
+                positive(&at(&format!("cuboid[{}]", i + 1)), *edge)?;
             }
             BodyShape::Cuboid(*edges)
         }
@@ -252,8 +252,8 @@ fn body(
         (None, None, None, Some(points), None) => {
             BodyShape::Points(corners(&at("points"), points)?)
         }
-        (None, None, None, None, Some(name)) => BodyShape::File(folder.join(name)),
-        _ => return refuse(key, "needs one of box, sphere, cylinder, points, file"),
+        (None, None, None, None, Some(name)) => BodyShape::Surface(folder.join(name)),
+        _ => return refuse(key, "needs one of cuboid, sphere, cylinder, points, surface"),
     };
     let pieces = pieces(key, typed, &shape, reader)?;
     let (count, spacing) = match &typed.copies {
@@ -299,7 +299,7 @@ fn body(
         shape,
         pieces,
         at: finite_vector(&at("at"), &typed.at)?,
-        rotate: finite_vector(&at("rotate"), &typed.rotate)?.map(f64::to_radians),
+        turned: finite_vector(&at("turned"), &typed.turned)?.map(f64::to_radians),
         copies: (count, spacing),
         density: positive(&at("density"), typed.density)?,
         material: material(bodies, typed.material.as_ref()),
@@ -360,7 +360,7 @@ fn pieces(
         (Some(_), Some(_)) => refuse(at("fragments"), "a body is cut by a grid or into fragments"),
         (Some(count), None) => {
             if !matches!(shape, BodyShape::Cuboid(_)) {
-                return refuse(at("grid"), "cuts a box only");
+                return refuse(at("grid"), "cuts a cuboid only");
             }
             for (i, n) in count.iter().enumerate() {
                 at_least_one(&at(&format!("grid[{}]", i + 1)), *n)?;
@@ -378,7 +378,7 @@ fn pieces(
         }
         (None, Some(typed)) => {
             if matches!(shape, BodyShape::Sphere(_) | BodyShape::Cylinder(_)) {
-                return refuse(at("fragments"), "are made of a box, points or a file");
+                return refuse(at("fragments"), "are made of a cuboid, points or a surface");
             }
             let size = positive(&at("fragments.size"), typed.size)?;
             Ok(Pieces::Fragments { size, seed: typed.seed })

@@ -112,14 +112,14 @@ fn on_the_curve() -> Unloading {
     Unloading::Curve
 }
 
-/// A body, or many by a rule. One of box, sphere, cylinder, points, file says its shape.
+/// A body, or many by a rule. One of cuboid, sphere, cylinder, points, surface says its shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyTable {
     /// Name, for results and errors.
     pub name: String,
-    /// Edges of a cuboid [m].
-    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
+    /// Edges along x, y, z [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cuboid: Option<[f64; 3]>,
     /// Radius of a sphere [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -132,13 +132,13 @@ pub struct BodyTable {
     pub points: Option<Vec<[f64; 3]>>,
     /// A closed surface: an STL or OBJ file [m].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
-    /// Where the middle of the box, sphere or cylinder, or the origin of the points or the file, is put [m].
+    pub surface: Option<String>,
+    /// Where the centre of cuboid, sphere or cylinder, or the origin of the points or the surface, is put [m].
     #[serde(default)]
     pub at: [f64; 3],
     /// Turned about x, then y, then z [degrees].
     #[serde(default)]
-    pub rotate: [f64; 3],
+    pub turned: [f64; 3],
     /// Density [kg/m³].
     pub density: f64,
     /// Material, for [[contact]].
@@ -240,7 +240,7 @@ pub enum Freedom {
     Rz,
 }
 
-/// A wall: one of plane, file.
+/// A wall: one of plane, surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WallTable {
@@ -251,7 +251,7 @@ pub struct WallTable {
     pub plane: Option<PlaneTable>,
     /// Terrain: an STL or OBJ file [m], open or closed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
+    pub surface: Option<String>,
     /// Material, for [[contact]].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
