@@ -1,17 +1,13 @@
-//! The case's obstacles: shapes, where they stand at a time, how they move over a step.
+//! The case's obstacles: where they stand at a time, how they move over a step.
 
 mod course;
-mod terrain;
 
-use crate::case::{self, Case, CaseError};
+use crate::case::{self, Case};
 use crate::cut::level_set::Solid;
 use crate::cut::{Motion, Surface, Wall};
-use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape};
 use course::Course;
 use nalgebra::Vector3;
-use std::path::Path;
-use terrain::ground;
 
 /// All obstacles of a case.
 #[derive(Clone, Debug)]
@@ -22,36 +18,11 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// Reads their files. Collective.
-    ///
-    /// # Errors
-    /// A file that cannot be read, a surface that is not closed: the key in the case file.
-    pub fn new(case: &Case, part: &MeshPart) -> Result<Self, CaseError> {
-        let mut shapes = Vec::new();
-        for (i, obstacle) in case.obstacles.iter().enumerate() {
-            let refused = |key: &str, message: String| {
-                case.source.error(&format!("obstacle[{}].{key}", i + 1), message)
-            };
-            shapes.push(match &obstacle.solid {
-                case::Solid::Cuboid(size) => Shape::cuboid(*size),
-                case::Solid::Sphere(radius) => Shape::sphere(*radius),
-                case::Solid::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
-                case::Solid::Points(points) => {
-                    Shape::hull(points).map_err(|e| refused("points", e.to_string()))?
-                }
-                case::Solid::Surface(path) => {
-                    let bytes = read(part, path).map_err(|e| refused("surface", e))?;
-                    surface(path, &bytes).map_err(|e| refused("surface", e))?
-                }
-                case::Solid::Terrain(path) => {
-                    let bytes = read(part, path).map_err(|e| refused("terrain", e))?;
-                    terrain(path, &bytes).map_err(|e| refused("terrain", e))?
-                }
-            });
-        }
+    /// Those of the case, with their shapes.
+    pub fn new(case: &Case, shapes: Vec<Shape>) -> Self {
         let given = case.obstacles.clone();
         let courses = given.iter().map(|o| Course::new(o, case.time.end)).collect();
-        Ok(Self { given, shapes, courses })
+        Self { given, shapes, courses }
     }
 
     /// Names, in the order of their numbers.
@@ -102,25 +73,4 @@ fn motion(from: &Pose, to: &Pose, dt: f64) -> Motion {
     // Its origin moves at the mean velocity where it is halfway.
     let velocity = per(way) + spin.cross(&(0.5 * way));
     Motion { centre: to.position.into(), velocity: velocity.into(), spin: spin.into() }
-}
-
-/// The bytes of a file, read once. Collective.
-fn read(part: &MeshPart, path: &Path) -> Result<Vec<u8>, String> {
-    let first = part.comm.rank() == 0;
-    let bytes = if first { std::fs::read(path) } else { Ok(Vec::new()) };
-    let bytes = part.comm.agree(bytes.map_err(|e| format!("{}: {e}", path.display())))?;
-    Ok(part.comm.broadcast(0, bytes))
-}
-
-fn surface(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
-    let file = io::surface::parse(path, bytes).map_err(|e| e.to_string())?;
-    let surface = crate::shape::Surface::new(&file.vertices, &file.triangles);
-    Shape::drawn(surface).map_err(|e| format!("{}: {e}", path.display()))
-}
-
-fn terrain(path: &Path, bytes: &[u8]) -> Result<Shape, String> {
-    let named = |e: String| format!("{}: {e}", path.display());
-    let text = std::str::from_utf8(bytes).map_err(|e| named(e.to_string()))?;
-    let ground = ground(text).map_err(named)?;
-    Shape::mesh(ground).map_err(|e| named(e.to_string()))
 }

@@ -1,6 +1,8 @@
 //! Case → this rank's part of the mesh and the initial state.
 
 pub mod bodies;
+pub mod solids;
+mod terrain;
 mod walls;
 
 use crate::case::nearest::did_you_mean;

@@ -173,7 +173,7 @@ impl Simulation {
         let clock = comm.clock();
         let balance = Balance::of(&part);
         let inflow = Inflow::new(&case, &part);
-        let obstacles = Obstacles::new(&case, &part)?;
+        let obstacles = Obstacles::new(&case, setup::solids::obstacles(&case, comm)?);
         let bodies = setup::bodies::bodies(&case, &part, &obstacles.solids(0.0))?;
         let (bodies, tracked) = bodies.unzip();
         let structures = Structures::new(&case, &part, obstacles, bodies.as_ref());

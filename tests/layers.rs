@@ -33,7 +33,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "obstacles", "shape"],
         &[],
     ),
-    ("obstacles", &["case", "cut", "fem", "mesh", "shape"], &["io"]),
+    ("obstacles", &["case", "cut", "shape"], &[]),
     (
         "setup",
         &["bodies", "case", "cut", "fem", "flow", "linear", "mesh", "phase", "shape"],
@@ -61,6 +61,7 @@ const MEET_THE_RANKS: &[&str] = &[
     "report/stages.rs",
     "setup.rs",
     "setup/bodies.rs",
+    "setup/solids.rs",
     "simulation.rs",
 ];
 

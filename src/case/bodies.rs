@@ -1,6 +1,6 @@
 //! What a case says about bodies, checked.
 
-use super::Formula;
+use super::{Formula, Solid};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -117,21 +117,6 @@ pub struct Bond {
     pub gap: f64,
 }
 
-/// The shape of an entry.
-#[derive(Clone, Debug, PartialEq)]
-pub enum BodyShape {
-    /// Edges [m].
-    Cuboid([f64; 3]),
-    /// Radius [m].
-    Sphere(f64),
-    /// Radius and height [m].
-    Cylinder([f64; 2]),
-    /// The convex hull of points [m].
-    Points(Vec<[f64; 3]>),
-    /// STL or OBJ.
-    Surface(PathBuf),
-}
-
 /// How an entry becomes several bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pieces {
@@ -180,7 +165,7 @@ pub struct Body {
     /// For results.
     pub name: String,
     /// Shape.
-    pub shape: BodyShape,
+    pub shape: Solid,
     /// Into how many.
     pub pieces: Pieces,
     /// Place [m].

@@ -15,6 +15,7 @@ mod block;
 mod bodies;
 mod boundaries;
 mod obstacles;
+mod solid;
 mod values;
 
 impl Case {
@@ -48,7 +49,7 @@ fn check(mut file: CaseFile, sources: &Sources) -> Result<Case, Problem> {
     }
     let initial = initial(&file, &reader, &inside)?;
     let (default_boundary, boundaries) = boundaries::check(&mut file, &mesh, &reader, &always)?;
-    let obstacles = obstacles::check(&file, &reader, sources, &always, liquid.viscosity)?;
+    let obstacles = obstacles::check(&file, &reader, &sources.folder, &always, liquid.viscosity)?;
     let free_surface = match gas {
         Some(_) => free_surface(file.free_surface.get_or_insert_default(), paper)?,
         None => free_surface(&mut FreeSurfaceTable::default(), paper)?,

@@ -137,7 +137,7 @@ pub struct Obstacle {
     /// In loads.csv.
     pub name: String,
     /// In its own frame.
-    pub solid: Solid,
+    pub shape: ObstacleShape,
     /// Where its origin is put [m].
     pub at: [f64; 3],
     /// Angles about x, then y, then z [rad].
@@ -165,6 +165,15 @@ impl Obstacle {
 
 /// The shape of an obstacle.
 #[derive(Clone, Debug, PartialEq)]
+pub enum ObstacleShape {
+    /// As bodies have them.
+    Solid(Solid),
+    /// The ground under an ESRI ASCII grid of heights.
+    Terrain(PathBuf),
+}
+
+/// The shape of an obstacle or a body.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Solid {
     /// Edges [m].
     Cuboid([f64; 3]),
@@ -176,8 +185,6 @@ pub enum Solid {
     Points(Vec<[f64; 3]>),
     /// STL or OBJ.
     Surface(PathBuf),
-    /// ESRI ASCII grid of heights.
-    Terrain(PathBuf),
 }
 
 /// State at t = 0.

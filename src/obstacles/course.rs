@@ -122,14 +122,14 @@ impl Course {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Solid;
     use crate::case::formula::TimeSeries;
+    use crate::case::{ObstacleShape, Solid};
     use std::sync::Arc;
 
     fn obstacle() -> Obstacle {
         Obstacle {
             name: "a".into(),
-            solid: Solid::Sphere(1.0),
+            shape: ObstacleShape::Solid(Solid::Sphere(1.0)),
             at: [1.0, 2.0, 3.0],
             turned: [0.1, 0.2, 0.3],
             outside_in: false,

@@ -1,20 +1,19 @@
 //! Case → bodies: shapes, grids of blocks, fragments, glue.
 
+use super::solids::shape;
 use super::{SetupError, walls};
 use crate::bodies::cohesion_law::Law;
 use crate::bodies::material::{Contact, Materials};
 use crate::bodies::{
     Bodies, Cluster, Form, Joints, Motion, Ownership, Settings, State, Tracked, World, touching,
 };
-use crate::case::bodies::{self as case, BodyMotion, BodyShape, ContactLaw, Pieces};
-use crate::case::{Case, CaseError};
-use crate::cut::level_set::Solid;
+use crate::case::bodies::{self as case, BodyMotion, ContactLaw, Pieces};
+use crate::case::{Case, CaseError, Solid};
+use crate::cut::level_set;
 use crate::mesh::MeshPart;
 use crate::shape::{Pose, Shape, Surface, fragment};
-use io::surface::SurfaceFile;
 use nalgebra::{UnitQuaternion, Vector3};
 use partition::Communicator;
-use std::path::Path;
 use std::sync::Arc;
 
 /// The bodies of a case at t = 0, settled, and the points that are recorded. `solids`: its obstacles. Collective.
@@ -25,7 +24,7 @@ use std::sync::Arc;
 pub fn bodies(
     case: &Case,
     part: &MeshPart,
-    solids: &[Solid],
+    solids: &[level_set::Solid],
 ) -> Result<Option<(Bodies, Vec<Tracked>)>, SetupError> {
     let Some(asked) = &case.bodies else { return Ok(None) };
     let comm = &part.comm;
@@ -120,25 +119,6 @@ pub fn bodies(
     Ok(Some((bodies, tracked)))
 }
 
-/// A surface of a file, read by one rank.
-pub(super) fn surface(
-    case: &Case,
-    key: &str,
-    path: &Path,
-    comm: &Communicator,
-) -> Result<SurfaceFile, SetupError> {
-    let read = match comm.rank() {
-        0 => io::surface::read(path),
-        _ => Ok(SurfaceFile::default()),
-    };
-    let wrong = |e: io::Error| case.source.error(key, e.to_string());
-    let read = comm.agree(read.map_err(wrong)).map_err(SetupError::Elsewhere)?;
-    Ok(SurfaceFile {
-        vertices: comm.broadcast(0, read.vertices),
-        triangles: comm.broadcast(0, read.triangles),
-    })
-}
-
 /// Forms and poses of an entry's clusters, copies of one form sharing it.
 fn pieces(
     case: &Case,
@@ -150,19 +130,7 @@ fn pieces(
     let fail = |name: &str, message: String| -> CaseError {
         case.source.error(&format!("{key}.{name}"), message)
     };
-    let whole = match &entry.shape {
-        BodyShape::Cuboid(edges) => Shape::cuboid(*edges),
-        BodyShape::Sphere(radius) => Shape::sphere(*radius),
-        BodyShape::Cylinder([radius, height]) => Shape::cylinder(*radius, *height),
-        BodyShape::Points(points) => {
-            Shape::hull(points).map_err(|e| fail("points", e.to_string()))?
-        }
-        BodyShape::Surface(path) => {
-            let file = surface(case, &format!("{key}.surface"), path, comm)?;
-            Shape::drawn(Surface::new(&file.vertices, &file.triangles))
-                .map_err(|e| fail("surface", e.to_string()))?
-        }
-    };
+    let whole = shape(case, key, &entry.shape, comm)?;
     let [x, y, z] = entry.turned;
     let stand =
         Pose { position: entry.at.into(), rotation: UnitQuaternion::from_euler_angles(x, y, z) };
@@ -170,7 +138,7 @@ fn pieces(
     let shapes: Vec<(Shape, Vec<Pose>)> = match &entry.pieces {
         Pieces::One => vec![(whole, vec![Pose::identity()])],
         Pieces::Grid { count, hollow, openings } => {
-            let BodyShape::Cuboid(edges) = entry.shape else { unreachable!("checked") };
+            let Solid::Cuboid(edges) = entry.shape else { unreachable!("checked") };
             vec![grid(edges, *count, *hollow, |local| {
                 let x = stand.to_space(local).into();
                 openings.iter().any(|opening| opening.at(x, 0.0) > 0.0)

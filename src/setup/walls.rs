@@ -1,7 +1,7 @@
 //! Case → what bodies bump into: planes, surfaces of files, boundaries of the mesh, obstacles.
 
 use super::SetupError;
-use super::bodies::surface;
+use super::solids::surface;
 use crate::bodies::walls::{Wall, WallSurface};
 use crate::case::bodies::WallShape;
 use crate::case::nearest::did_you_mean;

@@ -22,7 +22,8 @@ pub fn start(
     };
     let case = Case::new(&sources).map_err(|e| e.to_string())?;
     let (part, _) = setup::mesh(&case, comm).map_err(|e| e.to_string())?;
-    let obstacles = Obstacles::new(&case, &part).map_err(|e| e.to_string())?;
+    let shapes = setup::solids::obstacles(&case, comm).map_err(|e| e.to_string())?;
+    let obstacles = Obstacles::new(&case, shapes);
     let started = setup::bodies::bodies(&case, &part, &obstacles.solids(0.0));
     Ok(started.map_err(|e| e.to_string())?.expect("the case has bodies"))
 }

@@ -1,18 +1,18 @@
 //! The tables about bodies.
 
 use super::super::bodies::{
-    Bodies, Body, BodyMotion, BodyShape, Bond, Compression, ContactLaw, Coupling, Pieces, Wall,
-    WallShape,
+    Bodies, Body, BodyMotion, Bond, Compression, ContactLaw, Coupling, Pieces, Wall, WallShape,
 };
 use super::super::error::Problem;
 use super::super::file::bodies::{BodyTable, Freedom, WallTable};
 use super::super::file::{CaseFile, Condition, Expression};
 use super::super::formula::Formula;
 use super::super::nearest::did_you_mean;
-use super::super::{MeshSource, Obstacle};
+use super::super::{MeshSource, Obstacle, Solid};
 use super::block;
+use super::solid::{Said, solid};
 use super::values::{
-    Reader, at_least_one, between, corners, finite_vector, not_negative, positive, refuse, share,
+    Reader, at_least_one, between, finite_vector, not_negative, positive, refuse, share,
 };
 use std::path::Path;
 
@@ -234,26 +234,15 @@ fn body(
 ) -> Result<Body, Problem> {
     let at = |name: &str| format!("{key}.{name}");
     let name = new_name(key, &typed.name, bodies.bodies.iter().map(|b| &b.name))?;
-    let BodyTable { cuboid, sphere, cylinder, points, surface, .. } = typed;
-    let shape = match (cuboid, sphere, cylinder, points, surface) {
-        (Some(edges), None, None, None, None) => {
-            for (i, edge) in edges.iter().enumerate() {
-                positive(&at(&format!("cuboid[{}]", i + 1)), *edge)?;
-            }
-            BodyShape::Cuboid(*edges)
-        }
-        (None, Some(radius), None, None, None) => {
-            BodyShape::Sphere(positive(&at("sphere"), *radius)?)
-        }
-        (None, None, Some([r, h]), None, None) => BodyShape::Cylinder([
-            positive(&at("cylinder[1]"), *r)?,
-            positive(&at("cylinder[2]"), *h)?,
-        ]),
-        (None, None, None, Some(points), None) => {
-            BodyShape::Points(corners(&at("points"), points)?)
-        }
-        (None, None, None, None, Some(name)) => BodyShape::Surface(folder.join(name)),
-        _ => return refuse(key, "needs one of cuboid, sphere, cylinder, points, surface"),
+    let said = Said {
+        cuboid: typed.cuboid,
+        sphere: typed.sphere,
+        cylinder: typed.cylinder,
+        points: typed.points.as_deref(),
+        surface: typed.surface.as_deref(),
+    };
+    let Some(shape) = solid(key, &said, folder)? else {
+        return refuse(key, "needs one of cuboid, sphere, cylinder, points, surface");
     };
     let pieces = pieces(key, typed, &shape, reader)?;
     let (count, spacing) = match &typed.copies {
@@ -349,17 +338,12 @@ fn motion(
     Ok(BodyMotion::Free { locked, fixed })
 }
 
-fn pieces(
-    key: &str,
-    typed: &BodyTable,
-    shape: &BodyShape,
-    reader: &Reader,
-) -> Result<Pieces, Problem> {
+fn pieces(key: &str, typed: &BodyTable, shape: &Solid, reader: &Reader) -> Result<Pieces, Problem> {
     let at = |name: &str| format!("{key}.{name}");
     match (&typed.grid, &typed.fragments) {
         (Some(_), Some(_)) => refuse(at("fragments"), "a body is cut by a grid or into fragments"),
         (Some(count), None) => {
-            if !matches!(shape, BodyShape::Cuboid(_)) {
+            if !matches!(shape, Solid::Cuboid(_)) {
                 return refuse(at("grid"), "cuts a cuboid only");
             }
             for (i, n) in count.iter().enumerate() {
@@ -377,7 +361,7 @@ fn pieces(
             refuse(at("openings"), "leave blocks out of a grid")
         }
         (None, Some(typed)) => {
-            if matches!(shape, BodyShape::Sphere(_) | BodyShape::Cylinder(_)) {
+            if matches!(shape, Solid::Sphere(_) | Solid::Cylinder(_)) {
                 return refuse(at("fragments"), "are made of a cuboid, points or a surface");
             }
             let size = positive(&at("fragments.size"), typed.size)?;

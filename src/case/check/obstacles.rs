@@ -2,15 +2,16 @@
 
 use super::super::error::Problem;
 use super::super::file::{CaseFile, ObstacleTable, WallWord};
-use super::super::sources::Sources;
-use super::super::{Obstacle, Solid};
-use super::values::{Reader, corners, finite_vector, positive, refuse};
+use super::super::{Obstacle, ObstacleShape};
+use super::solid::{Said, solid};
+use super::values::{Reader, finite_vector, refuse};
+use std::path::Path;
 
 /// All obstacles; `viscosity` is the liquid's.
 pub fn check(
     file: &CaseFile,
     reader: &Reader,
-    sources: &Sources,
+    folder: &Path,
     always: &[f64],
     viscosity: f64,
 ) -> Result<Vec<Obstacle>, Problem> {
@@ -45,7 +46,7 @@ pub fn check(
         let formulas = |name: &str, typed| reader.vector(&key(name), typed, &[[0.0; 3]], always);
         obstacles.push(Obstacle {
             name: name.clone(),
-            solid: solid(typed, &key, sources)?,
+            shape: shape(&format!("obstacle[{}]", i + 1), typed, folder)?,
             at: finite_vector(&key("at"), &typed.at)?,
             turned: finite_vector(&key("turned"), &typed.turned)?.map(f64::to_radians),
             outside_in: typed.outside_in,
@@ -59,37 +60,18 @@ pub fn check(
     Ok(obstacles)
 }
 
-fn solid(
-    typed: &ObstacleTable,
-    key: &dyn Fn(&str) -> String,
-    sources: &Sources,
-) -> Result<Solid, Problem> {
-    let all_positive = |name: &str, sizes: &[f64]| {
-        sizes.iter().enumerate().try_for_each(|(k, &size)| {
-            positive(&format!("{}[{}]", key(name), k + 1), size).map(|_| ())
-        })
+/// The shape in the table `key`.
+fn shape(key: &str, typed: &ObstacleTable, folder: &Path) -> Result<ObstacleShape, Problem> {
+    let said = Said {
+        cuboid: typed.cuboid,
+        sphere: typed.sphere,
+        cylinder: typed.cylinder,
+        points: typed.points.as_deref(),
+        surface: typed.surface.as_deref(),
     };
-    let ObstacleTable { cuboid, sphere, cylinder, points, surface, terrain, .. } = typed;
-    match (cuboid, sphere, cylinder, points, surface, terrain) {
-        (Some(size), None, None, None, None, None) => {
-            all_positive("cuboid", size)?;
-            Ok(Solid::Cuboid(*size))
-        }
-        (None, Some(radius), None, None, None, None) => {
-            Ok(Solid::Sphere(positive(&key("sphere"), *radius)?))
-        }
-        (None, None, Some(size), None, None, None) => {
-            all_positive("cylinder", size)?;
-            Ok(Solid::Cylinder(*size))
-        }
-        (None, None, None, Some(points), None, None) => {
-            Ok(Solid::Points(corners(&key("points"), points)?))
-        }
-        (None, None, None, None, Some(name), None) => Ok(Solid::Surface(sources.folder.join(name))),
-        (None, None, None, None, None, Some(name)) => Ok(Solid::Terrain(sources.folder.join(name))),
-        _ => refuse(
-            key("name").trim_end_matches(".name"),
-            "needs one of cuboid, sphere, cylinder, points, surface, terrain",
-        ),
+    match (solid(key, &said, folder)?, &typed.terrain) {
+        (Some(solid), None) => Ok(ObstacleShape::Solid(solid)),
+        (None, Some(name)) => Ok(ObstacleShape::Terrain(folder.join(name))),
+        _ => refuse(key, "needs one of cuboid, sphere, cylinder, points, surface, terrain"),
     }
 }
