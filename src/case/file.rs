@@ -437,7 +437,7 @@ pub struct SolverTable {
     pub start_tolerance: Option<f64>,
     /// The same for the free surface.
     pub phase_tolerance: f64,
-    /// A solve that needs more iterations ends the run.
+    /// A solve that needs more iterations ends the run; the flow's, more for each part in 10 000 of its residual.
     pub max_iterations: u32,
 }
 

@@ -284,7 +284,7 @@ pub struct Solver {
     pub start_tolerance: f64,
     /// Phase: likewise.
     pub phase_tolerance: f64,
-    /// Iterations after which a solve is an error.
+    /// Iterations after which a solve is an error: the flow's, those of one round of refinement.
     pub max_iterations: u32,
 }
 

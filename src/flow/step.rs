@@ -420,7 +420,7 @@ impl Flow {
             let settings = KrylovSettings {
                 relative: reduction.max(DEEPEST),
                 absolute: 0.0,
-                max_iterations: self.max_iterations - done.iterations,
+                max_iterations: self.max_iterations,
                 restart: RESTART,
             };
             let matrix = DistributedOperator::new(&self.matrix, &self.graph.halo);
