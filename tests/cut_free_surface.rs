@@ -129,7 +129,7 @@ fn a_wall_holds_water_back() {
 }
 
 /// A plunger lowered into the water and raised, nothing corrected, with steps that grow and shrink: the water is
-/// still there.
+/// still there. Where nodes lost more than they had left, it was not (4e-4).
 #[test]
 fn a_plunger_neither_makes_nor_destroys_water() {
     let mut run = simulation(
@@ -155,7 +155,7 @@ fn a_plunger_neither_makes_nor_destroys_water() {
         worst = worst.max((volume.volume / volume.target - 1.0).abs());
     }
     println!("volume changes by up to {worst:.1e}");
-    assert!(worst < 1e-3, "{worst}");
+    assert!(worst < 2e-4, "{worst}");
 }
 
 /// A wave breaks over a box and closes a pocket of air: no energy comes from nowhere. It did, as long as the

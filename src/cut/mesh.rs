@@ -202,22 +202,33 @@ fn ghost_faces(mesh: &Mesh, state: &[u32], cut: &[CutElement]) -> Vec<GhostFace>
     for c in cut {
         mesh.tets[c.element as usize].iter().for_each(|&n| near[n as usize] = true);
     }
-    let mut sides: Vec<([u32; 3], u32, u8)> = Vec::new();
-    for (e, tet) in mesh.tets.iter().enumerate() {
-        if state[e] == SOLID || tet.iter().filter(|&&n| near[n as usize]).count() < 3 {
-            continue;
-        }
-        for (f, corners) in FACES.iter().enumerate() {
-            let mut face = corners.map(|c| tet[c]);
-            if face.iter().all(|&n| near[n as usize]) {
-                face.sort_unstable();
-                sides.push((face, e as u32, f as u8));
-            }
-        }
+    let sides = || {
+        let wet = mesh.tets.iter().zip(0u32..).zip(state).filter(|(_, state)| **state != SOLID);
+        wet.flat_map(|((tet, e), _)| {
+            let near = tet.map(|n| near[n as usize]);
+            FACES.iter().zip(0u8..).filter(move |(c, _)| c.iter().all(|&c| near[c])).map(
+                move |(corners, f)| {
+                    let mut face = corners.map(|c| tet[c]);
+                    face.sort_unstable();
+                    (face, e, f)
+                },
+            )
+        })
+    };
+    // Sorted: by the first node at once, then the few that share it.
+    let mut start = vec![0u32; mesh.nodes.len() + 1];
+    sides().for_each(|(face, ..)| start[face[0] as usize + 1] += 1);
+    (1..start.len()).for_each(|n| start[n] += start[n - 1]);
+    let mut sorted = vec![([0; 3], 0, 0); start[mesh.nodes.len()] as usize];
+    let mut next = start.clone();
+    for side in sides() {
+        let at = &mut next[side.0[0] as usize];
+        sorted[*at as usize] = side;
+        *at += 1;
     }
-    sides.sort_unstable();
+    start.windows(2).for_each(|w| sorted[w[0] as usize..w[1] as usize].sort_unstable());
     let is_cut = |e: u32| state[e as usize] != WHOLE;
-    sides
+    sorted
         .chunk_by(|a, b| a.0 == b.0)
         .filter_map(|pair| match *pair {
             [(_, e, f), (_, g, _)] if is_cut(e) || is_cut(g) => {

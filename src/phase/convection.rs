@@ -84,6 +84,14 @@ pub(super) fn assemble(phase: &mut Phase, part: &MeshPart, cut: &CutMesh, given:
             Cell::Solid => {}
         }
     }
+    // When the walls moved, cells lost water of the old φ: what flows through walls is to be of the old φ too, and ∫φ
+    // is kept. A mass of (V + V_old)/2 does it; nodes may have lost more than they have left. Those that gained, whose
+    // mass would become less than what they have, are owed it (`Phase::advance`).
+    let s = &mut phase.solver;
+    for (i, gained) in cut.gained.iter().enumerate().take(part.n_owned()) {
+        let at = s.chord.pattern.diagonals()[i] as usize;
+        s.chord.values[at][0][0] -= 0.5 * gained.min(0.0) * phase.inverse_lumped[i];
+    }
 }
 
 #[inline]

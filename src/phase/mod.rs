@@ -252,15 +252,10 @@ impl Phase {
             convection::add_streamline_flux(self, part, cut, &given);
             report.sub_steps = regularise::sub_steps(self, part, cut, dt, speed);
         }
-        // When the walls moved, cells gained and lost water of the old φ; what has flowed since went with the mean
-        // of old and new.
+        // When the walls moved, cells gained and lost water of the old φ; what has flowed through walls since went with
+        // the mean of old and new. At nodes that lost, `convection::assemble` has put that right.
         for (i, gained) in cut.gained.iter().enumerate().take(part.n_owned()) {
-            // A node that has lost nearly all it had cannot bear all of it.
-            let gained = gained.clamp(-self.lumped[i], self.lumped[i]);
-            let owed = 0.5 * gained * (self.phi[i] - self.before[i]);
-            let account =
-                if self.margin.contains(i) { &mut self.margin.parked } else { &mut self.excess };
-            account[i] += owed;
+            self.excess[i] += 0.5 * gained.max(0.0) * (self.stages[0][i] - self.before[i]);
         }
         margin::settle(self, part);
         self.stages[1].copy_from_slice(&self.phi);
